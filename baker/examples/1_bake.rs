@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         "{}: {} texels, {} layers traced and {} reused in {:.1} s",
         outcome.scene, outcome.texels, outcome.layers.traced, outcome.layers.reused, outcome.seconds
     );
-    for (hour, local) in outcome.hours.iter().zip(&outcome.local.sets) {
+    for (hour, local) in outcome.hours.iter().zip(&outcome.local.frames) {
         let error = local.map_or("no light".to_owned(), |local| format!("{:.1} %", 100.0 * local.median));
         println!("  {hour:5.2} h: median local error {error}");
     }

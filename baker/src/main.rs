@@ -8,7 +8,7 @@ use baker::bake::plan::hour;
 use baker::bake::room::{Disk, in_words as bytes};
 use baker::bake::run::{Denoise, Integrator, Options, Outcome, Preset, bake, prepare};
 use baker::bake::sketch::Sketch;
-use baker::bake::standing::{REPORT, foretold};
+use baker::bake::existing::{REPORT, replacement_note};
 use baker::bake::views;
 use baker::light::extra_times::{self, percent};
 use baker::light::schedule::parse_hours;
@@ -73,7 +73,7 @@ struct Args {
     #[arg(long, default_value = "0..24", value_name = "HOURS", allow_hyphen_values = true)]
     hours: String,
     /// At most this many more times where the light of sky and sun changes too fast for the hours of a range,
-    /// as at dusk: where the sets interpolated would err by more than 5 % of it, found before any ray is
+    /// as at dusk: where the frames interpolated would err by more than 5 % of it, found before any ray is
     /// traced (--plan lists them). 0: none.
     #[arg(long, value_name = "N", default_value_t = extra_times::MOST)]
     extra_times: u32,
@@ -129,7 +129,7 @@ struct Args {
         hide_possible_values = true
     )]
     denoise: Denoise,
-    /// Trace 512 texels again, by so many walks each that are followed to their end, and report the true
+    /// Trace 512 texels again, by so many paths each that are followed to their end, and report the true
     /// error.
     #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "4096", value_parser = clap::value_parser!(u32).range(2..))]
     check: Option<u32>,
@@ -147,9 +147,9 @@ struct Args {
 
 const EXAMPLES: &str = "\
 Examples:
-  bake scenes/yard.toml --hours 0..24              24 hourly sets, 6 more at dawn and dusk, and the switch extras into dataset/yard
+  bake scenes/yard.toml --hours 0..24              24 hourly frames, 6 more at dawn and dusk, and the switch extras into dataset/yard
   bake scenes/yard.toml --hours 0..24 --compress   the same, then dataset/yard/yard.ndgi and a report
-  bake scenes/yard.toml --hours 12 --draft --out /data/look   one set, quickly, elsewhere
+  bake scenes/yard.toml --hours 12 --draft --out /data/look   one frame, quickly, elsewhere
   bake scenes/yard.toml --final --out /data/yard   for shipping: twice the side, twice the samples
   bake scenes/yard.toml --hours 6..18/0.5 --out /data/day     half-hourly
   bake scenes/yard.toml --hours 5.5,12,18:30 --out /data/three
@@ -161,13 +161,13 @@ Examples:
   bake preview scenes/yard.toml --hour 18.5        what was baked, as a picture (bake preview --help)
   bake new models/house.glb                        a scene file for a model (bake new --help)
 
-With --json, one object on stdout: scene, dataset, up_to_date, inputs, hours, integrator, size, pages, sets, texels, samples (of the last round),
-mean_samples, layers (traced, reused), denoised (method, layers, new_layers: those filtered by this run, seconds; null if nothing was denoised), relative_error (median over tile and set), local (error of cells of 16×16 texels relative to the light there:
-all, sets, worst_set, advice; each median, p95, worst, and over: shares above 5, 10 and 20 %), out_of_time, seconds, rays, rounds (error
+With --json, one object on stdout: scene, dataset, up_to_date, inputs, hours, integrator, size, pages, frames, texels, samples (of the last round),
+mean_samples, layers (traced, reused), denoised (method, layers, new_layers: those filtered by this run, seconds; null if nothing was denoised), relative_error (median over tile and frame), local (error of cells of 16×16 texels relative to the light there:
+all, frames, worst_frame, advice; each median, p95, worst, and over: shares above 5, 10 and 20 %), out_of_time, seconds, rays, rounds (error
 against seconds), check (with --check; as in run.json), facts, left_out, warnings, report, and with --compress an object `compress` with the keys of
 `compress --json`. With --plan: scene, integrator, moments, extra_times (added: hour,
 error_before and error_after of interpolated light, as a share of it; error_before and error_after of the whole day, null where no light
-changes), layers, visibility (of the sun: times, minutes of the finest step; null where it is not found), left_out, standing, forecast (size, pages, finer: how many times as wide the texels were of the layout that pages above 2048 are
+changes), layers, visibility (of the sun: times, minutes of the finest step; null where it is not found), left_out, existing, forecast (size, pages, finer: how many times as wide the texels were of the layout that pages above 2048 are
 estimated from, 1 where it is that of the bake; texels covered, skipped_triangles, skipped_area and skipped_rays of faces that nobody can see,
 texels_per_metre, extent in metres, dataset_bytes, layers_bytes, work_bytes, peak_bytes: the most of these at once, memory_bytes, open: of 4096
 rays from surfaces, those that leave the scene), free_bytes (on the file system of the dataset; null where it does not tell), warnings.
@@ -237,10 +237,10 @@ fn run(args: &Args, console: &Console) -> Result<()> {
         return plan(scene, &options, console);
     }
     let outcome = bake(scene, &options, console)?;
-    let set = Dataset::open(&outcome.dataset)?;
+    let dataset = Dataset::open(&outcome.dataset)?;
     let mut report = Report::new(&format!("{}: temporal lightmaps", outcome.scene));
     say(&outcome, args.check.is_some(), args.target_error, console);
-    if let Some(bundle) = stale_bundle(&set).filter(|_| !args.compress) {
+    if let Some(bundle) = stale_bundle(&dataset).filter(|_| !args.compress) {
         console.warn(format!(
             "{} was made from another bake than this one; `compress {}` renews it",
             bundle.display(),
@@ -268,12 +268,12 @@ fn run(args: &Args, console: &Console) -> Result<()> {
         }
         judged.sections.into_iter().for_each(|section| report.push(section));
     } else if !outcome.up_to_date || !outcome.dataset.join(REPORT).exists() {
-        report::scene::section(&set)?.into_iter().for_each(|section| report.lead(section));
+        report::scene::section(&dataset)?.into_iter().for_each(|section| report.lead(section));
     }
     // What leads a report folds the rest of it.
     let fold = |section: Section| if args.compress { section.folded() } else { section };
-    report.push(fold(report::preview::section(&set)?));
-    report.push(fold(baker::report::section(&outcome, &set)?));
+    report.push(fold(report::preview::section(&dataset)?));
+    report.push(fold(baker::report::section(&outcome, &dataset)?));
     let path = outcome.dataset.join(REPORT);
     // Nothing new: a report that stands there may tell more, of the compressor too.
     if args.compress || !outcome.up_to_date || !path.exists() {
@@ -286,10 +286,10 @@ fn run(args: &Args, console: &Console) -> Result<()> {
 }
 
 /// The bundle beside a dataset, if it was not made from it.
-fn stale_bundle(set: &Dataset) -> Option<PathBuf> {
-    let path = default_bundle(set);
+fn stale_bundle(dataset: &Dataset) -> Option<PathBuf> {
+    let path = default_bundle(dataset);
     let bundle = Bundle::open(&path).ok()?;
-    (light_of(&bundle.header) != Some(set.config.digest_of_light())).then_some(path)
+    (light_of(&bundle.header) != Some(dataset.config.digest_of_light())).then_some(path)
 }
 
 /// Prints what a bake would do.
@@ -342,11 +342,11 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
         ));
     }
     plan.left_out.iter().for_each(|reason| console.print(format!("  left out: {reason}")));
-    let standing = foretold(&prepared, options)?.or_else(|| {
+    let existing = replacement_note(&prepared, options)?.or_else(|| {
         let refused = left.expect_room(&out, free).err()?;
         Some(format!("this bake would be refused: {refused}"))
     });
-    standing.iter().for_each(|what| console.print(format!("  {what}")));
+    existing.iter().for_each(|what| console.print(format!("  {what}")));
     let moments: Vec<f64> = plan.moments.iter().map(|m| m.hour).collect();
     let warnings = [&prepared.warnings[..], &of_layout].concat();
     console.result(&json!({
@@ -360,7 +360,7 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
             "minutes": course.minutes,
         })),
         "left_out": plan.left_out,
-        "standing": standing,
+        "existing": existing,
         "forecast": forecast,
         "free_bytes": free,
         "warnings": warnings,
@@ -436,7 +436,7 @@ fn say(outcome: &Outcome, is_checked: bool, target: Option<f64>, console: &Conso
         "{}{}: {} of {}{} × {} texels{}{}",
         outcome.dataset.display(),
         if outcome.up_to_date { " already holds this bake (--force bakes it again)" } else { "" },
-        count(outcome.sets, "set"),
+        count(outcome.frames, "frame"),
         if outcome.pages > 1 { format!("{} pages of ", outcome.pages) } else { String::new() },
         outcome.size[0],
         outcome.size[1],
@@ -459,12 +459,12 @@ fn say(outcome: &Outcome, is_checked: bool, target: Option<f64>, console: &Conso
     outcome.denoised_in_words().into_iter().for_each(|what| console.say(format!("  {what}")));
     outcome.local.advice.iter().for_each(|what| console.say(format!("  {what}")));
     if let Some(check) = &outcome.check {
-        let known = check.sets.iter().filter_map(|set| Some((set.true_error?, set)));
+        let known = check.frames.iter().filter_map(|frame| Some((frame.true_error?, frame)));
         if let Some((true_error, worst)) = known.max_by(|a, b| a.0.total_cmp(&b.0)) {
-            let hour = outcome.hours.get(worst.set).copied().unwrap_or_default();
+            let hour = outcome.hours.get(worst.frame).copied().unwrap_or_default();
             console.say(format!(
                 "  check of {}: true error at most {:.2} % of the mean light (at {hour:.2} h, where {:.2} % was estimated, and \
-                 the check's own noise was {:.2} %); all sets: report",
+                 the check's own noise was {:.2} %); all frames: report",
                 count(check.texels, "texel"),
                 true_error * 100.0,
                 worst.estimated_error * 100.0,
@@ -472,7 +472,7 @@ fn say(outcome: &Outcome, is_checked: bool, target: Option<f64>, console: &Conso
             ));
             console.say(format!("  {}", baker::report::worst_eighth(outcome, check)));
         } else {
-            console.say("  check: no difference beyond the check's own noise; all sets: report");
+            console.say("  check: no difference beyond the check's own noise; all frames: report");
         }
     }
     for reason in outcome.left_out.iter().filter(|_| !outcome.up_to_date) {

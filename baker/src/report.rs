@@ -1,10 +1,10 @@
 //! The bake's part of a report: error against run time, what was done, what was left out.
 
 use crate::Result;
-use crate::bake::check::{Check, SetCheck};
+use crate::bake::check::{Check, FrameCheck};
 use crate::bake::local::{LEAST, Local, PICTURE_STEP, VISIBLE};
 use crate::bake::run::{Integrator, Outcome};
-use crate::bake::standing::ERRORS;
+use crate::bake::existing::ERRORS;
 use crate::bake::state::CELL;
 use dataset::console::count;
 use dataset::image::Image;
@@ -87,7 +87,7 @@ fn add_local(section: &mut Section, outcome: &Outcome, dataset: &Dataset) -> Res
                 row
             }),
     };
-    let hours = outcome.hours.iter().zip(&outcome.local.sets);
+    let hours = outcome.hours.iter().zip(&outcome.local.frames);
     let rows: Vec<_> = std::iter::once(row("all".to_owned(), &outcome.local.all))
         .chain(hours.map(|(hour, local)| row(format!("{hour:.2}"), local)))
         .collect();
@@ -154,19 +154,19 @@ fn colour(error: f64) -> [f32; 3] {
 /// Where light was lost or gained beyond chance, by the light of the texels concerned, in words.
 pub fn worst_eighth(outcome: &Outcome, check: &Check) -> String {
     match check.worst_eighth() {
-        Some((set, eighth)) => {
-            let hour = outcome.hours.get(set).copied().unwrap_or_default();
+        Some((frame, eighth)) => {
+            let hour = outcome.hours.get(frame).copied().unwrap_or_default();
             format!("by brightness, relative to the light there: {} (at {hour:.2} h)", eighth.words())
         }
         None => "by brightness, no eighth of the texels lost or gained light beyond their scatter".to_owned(),
     }
 }
 
-/// The true error of the checked texels, set by set.
+/// The true error of the checked texels, frame by frame.
 fn add_check(section: &mut Section, outcome: &Outcome, check: &Check) {
-    section.subheading("Checked against unbiased walks");
+    section.subheading("Checked against unbiased paths");
     section.paragraph(&format!(
-        "Traced again by {} unbiased walks each: {}. True error: root mean square of the difference, the noise of the \
+        "Traced again by {} unbiased paths each: {}. True error: root mean square of the difference, the noise of the \
          second tracing taken out; the estimated error is that of the same texels. Bias: what of the true error the estimated one \
          does not explain. These are relative to the mean light of the checked texels, so dark regions weigh little in them. Own \
          error: the median of |difference| ÷ the texel's own light, dark texels counting as much as bright ones; of it, the second \
@@ -175,10 +175,10 @@ fn add_check(section: &mut Section, outcome: &Outcome, check: &Check) {
         count(check.texels, "texel")
     ));
     let percent = |v: f64| format!("{:.2}", v * 100.0);
-    let hour = |set: usize| format!("{:.2}", outcome.hours.get(set).copied().unwrap_or_default());
-    let row = |s: &SetCheck| {
+    let hour = |frame: usize| format!("{:.2}", outcome.hours.get(frame).copied().unwrap_or_default());
+    let row = |s: &FrameCheck| {
         vec![
-            hour(s.set),
+            hour(s.frame),
             s.true_error.map_or("below the noise".to_owned(), percent),
             percent(s.estimated_error),
             percent(s.bias),
@@ -187,7 +187,7 @@ fn add_check(section: &mut Section, outcome: &Outcome, check: &Check) {
             format!("{} ({})", percent(s.own_error), percent(s.own_reference_error)),
         ]
     };
-    let rows: Vec<Vec<String>> = check.sets.iter().map(row).collect();
+    let rows: Vec<Vec<String>> = check.frames.iter().map(row).collect();
     section.table(
         &[
             "hour",
@@ -205,19 +205,19 @@ fn add_check(section: &mut Section, outcome: &Outcome, check: &Check) {
          square ÷ the light of the eighth, in %; ± the standard error of the ratio. Below 1 the estimate does not tell all: what it lacks is \
          bias. As many texels of each octave of light were chosen as there are.",
     );
-    let row = |s: &SetCheck| {
-        let cell = |place| match s.told.iter().find(|told| told.place == place) {
-            Some(told) => match (told.ratio(), told.measured, told.standard_error) {
+    let row = |s: &FrameCheck| {
+        let cell = |place| match s.estimates.iter().find(|estimate| estimate.place == place) {
+            Some(estimate) => match (estimate.ratio(), estimate.measured, estimate.standard_error) {
                 (Some(ratio), Some(measured), Some(error)) => {
                     format!("{ratio:.2} ± {:.2} ({:.1})", ratio * error, measured * 100.0)
                 }
-                _ => format!("below the noise ({:.1} estimated)", told.estimated * 100.0),
+                _ => format!("below the noise ({:.1} estimated)", estimate.estimated * 100.0),
             },
             None => "–".to_owned(),
         };
-        std::iter::once(hour(s.set)).chain((0..8).map(cell)).collect()
+        std::iter::once(hour(s.frame)).chain((0..8).map(cell)).collect()
     };
-    let rows: Vec<Vec<String>> = check.sets.iter().map(row).collect();
+    let rows: Vec<Vec<String>> = check.frames.iter().map(row).collect();
     section.table(&["hour", "darkest", "2", "3", "4", "5", "6", "7", "brightest"], &rows);
     section.paragraph(&format!(
         "Light lost (−) or gained (+) by brightness: the checked texels sorted into eighths, the difference summed over each ÷ the \
@@ -225,14 +225,14 @@ fn add_check(section: &mut Section, outcome: &Outcome, check: &Check) {
          light). {}.",
         capitalised(&worst_eighth(outcome, check))
     ));
-    let row = |s: &SetCheck| {
+    let row = |s: &FrameCheck| {
         let cell = |place| match s.eighths.iter().find(|e| e.place == place) {
             Some(e) => format!("{:+.1} ± {:.1}", e.difference * 100.0, e.standard_error * 100.0),
             None => "–".to_owned(),
         };
-        std::iter::once(hour(s.set)).chain((0..8).map(cell)).collect()
+        std::iter::once(hour(s.frame)).chain((0..8).map(cell)).collect()
     };
-    let rows: Vec<Vec<String>> = check.sets.iter().map(row).collect();
+    let rows: Vec<Vec<String>> = check.frames.iter().map(row).collect();
     section.table(&["hour", "darkest", "2", "3", "4", "5", "6", "7", "brightest"], &rows);
 }
 
@@ -249,15 +249,15 @@ pub fn section(outcome: &Outcome, dataset: &Dataset) -> Result<Section> {
     let mut section = Section::new("Bake");
     let how = match outcome.integrator {
         Integrator::Cached => {
-            "Walks end at the first surface, where the light of the whole day was solved for beforehand (integrator \
+            "Paths end at the first surface, where the light of the whole day was solved for beforehand (integrator \
              cached: biased by the size of a texel; --check measures by how much)."
         }
-        Integrator::Path => "Walks were followed to their end (integrator path: unbiased).",
+        Integrator::Path => "Paths were followed to their end (integrator path: unbiased).",
     };
     section.paragraph(&format!(
         "{:.0} samples per texel on average; the last round went for {} (more where they differ), in {:.1} s of tracing. {how} The estimated error of tiles is as that \
-         of sets above, but over each tile of 128×128 texels and relative to the tile's own mean light: its median over tiles and \
-         sets is {:.2} %.",
+         of frames above, but over each tile of 128×128 texels and relative to the tile's own mean light: its median over tiles and \
+         frames is {:.2} %.",
         outcome.mean_samples,
         outcome.samples,
         outcome.rounds.last().map_or(0.0, |r| r.seconds),
@@ -281,7 +281,7 @@ pub fn section(outcome: &Outcome, dataset: &Dataset) -> Result<Section> {
         section.table(
             &["rays", "millions", "%"],
             &[
-                row("walk segments", rays.walk),
+                row("path segments", rays.path),
                 row("shadow rays to the sun", rays.sun),
                 row("shadow rays to lamps", rays.lamp),
                 row("shadow rays to the sky", rays.sky),

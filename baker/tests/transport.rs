@@ -16,7 +16,7 @@ use baker::trace::lights::{GroupLight, Lights, SunLight};
 use baker::trace::rays::Rays;
 use baker::trace::sampler::{Kind, Sequence};
 use baker::trace::space::Space;
-use baker::trace::walk::{Transport, sun_draw};
+use baker::trace::path::{Transport, sun_draw};
 use dataset::image::Image;
 use glam::{DVec3, Vec2, Vec3, dvec3, vec3};
 use std::f64::consts::PI;

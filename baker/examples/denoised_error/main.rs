@@ -174,7 +174,7 @@ fn main() {
     }
     if let Some(peer) = peer {
         let layers: Vec<usize> = (0..plan.layers()).collect();
-        peer.finish(&ours.sets(&layers), serde_json::json!(denoised));
+        peer.finish(&ours.frames(&layers), serde_json::json!(denoised));
     }
 }
 

@@ -122,16 +122,16 @@ pub fn shared(samples: u32, log2_share: i8) -> u32 {
     many.clamp(1, u64::from(samples.max(MOST))) as u32
 }
 
-/// The sets with light that differ, each with its mean over the page: of equal ones (as by night), one.
-pub fn distinct<'a>(sets: &'a [Parts], means: &[f64]) -> Vec<(&'a Parts, f64)> {
-    let is_new = |set: &usize| means[*set] > 0.0 && !sets[..*set].contains(&sets[*set]);
-    (0..sets.len()).filter(is_new).map(|set| (&sets[set], means[set])).collect()
+/// The frames with light that differ, each with its mean over the page: of equal ones (as by night), one.
+pub fn distinct<'a>(frames: &'a [Parts], means: &[f64]) -> Vec<(&'a Parts, f64)> {
+    let is_new = |frame: &usize| means[*frame] > 0.0 && !frames[..*frame].contains(&frames[*frame]);
+    (0..frames.len()).filter(is_new).map(|frame| (&frames[frame], means[frame])).collect()
 }
 
-/// The classes of the covered texels of a block after its first round. Deviations are those of the sets'
-/// light, each in units of its mean, summed in squares over the sets.
+/// The classes of the covered texels of a block after its first round. Deviations are those of the frames'
+/// light, each in units of its mean, summed in squares over the frames.
 pub fn classes(
-    sets: &[(&Parts, f64)],
+    frames: &[(&Parts, f64)],
     lights: &Lights,
     surface: &BlockSurface,
     state: &BlockState,
@@ -149,12 +149,12 @@ pub fn classes(
         let [a_scale, b_scale] = taken.map(|n| 1.0 / n as f32);
         difference.iter_mut().zip(a.iter().zip(b)).for_each(|(d, (a, b))| *d = *a * a_scale - *b * b_scale);
         let square = |(parts, mean): &(&Parts, f64)| {
-            let of_set = parts.iter().map(|&(layer, scale)| difference[layer] * scale).sum::<Rgb>();
-            (of_set.as_dvec3() / *mean).length_squared()
+            let of_frame = parts.iter().map(|&(layer, scale)| difference[layer] * scale).sum::<Rgb>();
+            (of_frame.as_dvec3() / *mean).length_squared()
         };
-        squares[place] = Some(sets.iter().map(square).sum());
+        squares[place] = Some(frames.iter().map(square).sum());
     }
-    // (What is no exposed surface does not count in any set.)
+    // (What is no exposed surface does not count in any frame.)
     let class =
         |place: usize| squares[place].and_then(|_| class_of(mean_around(&squares, surface.width, place)?));
     surface.covered().map(class).collect()
@@ -265,9 +265,9 @@ mod tests {
 
     #[test]
     fn equal_sets_count_once_and_dark_ones_not() {
-        let sets: Vec<Parts> = [0, 1, 0, 2].map(|layer| vec![(layer, Rgb::ONE)]).into();
+        let frames: Vec<Parts> = [0, 1, 0, 2].map(|layer| vec![(layer, Rgb::ONE)]).into();
         let distinct: Vec<usize> =
-            distinct(&sets, &[1.0, 0.0, 1.0, 3.0]).iter().map(|(set, _)| set[0].0).collect();
+            distinct(&frames, &[1.0, 0.0, 1.0, 3.0]).iter().map(|(frame, _)| frame[0].0).collect();
         assert_eq!(distinct, [0, 2]);
     }
 

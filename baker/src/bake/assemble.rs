@@ -66,27 +66,27 @@ pub struct Stored {
     pub frames: Vec<Frame>,
     /// The noise table's file.
     pub noise: FileRef,
-    /// Error and light per tile and set.
+    /// Error and light per tile and frame.
     pub errors: Errors,
-    /// Local errors of all sets together, and of each; `None` without light.
+    /// Local errors of all frames together, and of each; `None` without light.
     pub local: (Option<Local>, Vec<Option<Local>>),
-    /// Where they are greatest, at the set whose 95th percentile is.
-    pub worst: Option<WorstSet>,
+    /// Where they are greatest, at the frame whose 95th percentile is.
+    pub worst: Option<WorstFrame>,
     /// Valid texels.
     pub valid_texels: usize,
     /// Texels taken out because they lie inside solids.
     pub buried_texels: usize,
     /// Texels taken out because no light reaches them in any layer.
     pub unlit_texels: usize,
-    /// Number of seam edges, and the jump across them before and after stitching, in the set with most light.
+    /// Number of seam edges, and the jump across them before and after stitching, in the frame with most light.
     pub seams: Option<(usize, Jump, Jump)>,
 }
 
-/// The set with the greatest local errors.
+/// The frame with the greatest local errors.
 #[derive(Clone, Debug)]
-pub struct WorstSet {
+pub struct WorstFrame {
     /// Which.
-    pub set: usize,
+    pub frame: usize,
     /// Per cell its local error, row by row.
     pub errors: Vec<f64>,
     /// Of its layers, each with its share of the squared error in the cells with more than the first of
@@ -319,19 +319,19 @@ impl<'a> Assembler<'a> {
         let (mut suns, mut skies) = (empty(Light::Sun, sun_parts), empty(Light::Sky, sky_parts));
         let mut frames = Vec::new();
         let mut errors = Errors::new(self.mask.width, self.mask.height, self.plan.moments.len());
-        let (mut all_cells, mut of_sets, mut worst) = (Vec::new(), Vec::new(), None);
+        let (mut all_cells, mut of_frames, mut worst) = (Vec::new(), Vec::new(), None);
         // Local light stays the same over many moments.
         let (mut local, mut local_of): (Option<Image>, Vec<usize>) = (None, Vec::new());
         for (i, moment) in self.plan.moments.iter().enumerate() {
             let cells = self.add_errors(i, &mut errors)?;
-            let (of_cells, of_set) = self.places.judge(&cells);
+            let (of_cells, of_frame) = self.places.judge(&cells);
             all_cells.extend(
                 of_cells.iter().zip(&cells).map(|(error, sums)| (*error as f32, sums.values as u32 / 3)),
             );
-            if of_set.is_some_and(|local| worst.as_ref().is_none_or(|(most, _, _)| local.p95 > *most)) {
-                worst = of_set.map(|local| (local.p95, i, of_cells));
+            if of_frame.is_some_and(|local| worst.as_ref().is_none_or(|(most, _, _)| local.p95 > *most)) {
+                worst = of_frame.map(|local| (local.p95, i, of_cells));
             }
-            of_sets.push(of_set);
+            of_frames.push(of_frame);
             let hour = format!("{:07.4}", moment.hour);
             let stem = |light: Light| {
                 let hour = hour.clone();
@@ -368,7 +368,7 @@ impl<'a> Assembler<'a> {
             frames.push(Frame {
                 hour: moment.hour,
                 groups_on: moment.groups_on.clone(),
-                relative_error: errors.relative_of_set(i),
+                relative_error: errors.relative_of_frame(i),
                 maps: self.add(writer, &format!("frame-{hour}"), &total)?,
             });
             each();
@@ -391,9 +391,9 @@ impl<'a> Assembler<'a> {
             errors,
             local: (
                 Local::of(all_cells.into_iter().map(|(error, n)| (f64::from(error), u64::from(n)))),
-                of_sets,
+                of_frames,
             ),
-            worst: worst.map(|(_, set, errors)| self.worst(set, errors)).transpose()?,
+            worst: worst.map(|(_, frame, errors)| self.worst(frame, errors)).transpose()?,
         })
     }
 
@@ -454,10 +454,10 @@ impl<'a> Assembler<'a> {
         Ok(())
     }
 
-    /// What the errors of a set come from.
-    fn worst(&self, set: usize, errors: Vec<f64>) -> Result<WorstSet> {
+    /// What the errors of a frame come from.
+    fn worst(&self, frame: usize, errors: Vec<f64>) -> Result<WorstFrame> {
         let mut causes = Vec::new();
-        for layer in self.plan.layers_of(set) {
+        for layer in self.plan.layers_of(frame) {
             let mut missed = 0.0;
             self.each_sum(&[layer], |texel, value| {
                 let index = self.texels[texel].index as usize;
@@ -471,23 +471,23 @@ impl<'a> Assembler<'a> {
         let all: f64 = causes.iter().map(|(_, squared)| squared).sum();
         causes.iter_mut().for_each(|(_, squared)| *squared /= all.max(f64::MIN_POSITIVE));
         causes.sort_by(|a, b| b.1.total_cmp(&a.1));
-        Ok(WorstSet { set, errors, causes })
+        Ok(WorstFrame { frame, errors, causes })
     }
 
-    /// Mean squared errors `[set][page][tile]`.
+    /// Mean squared errors `[frame][page][tile]`.
     fn noise(&self, errors: &Errors) -> Vec<Vec<Vec<f64>>> {
         let of_page = |tiles: &[Sums], page: u32| {
             let rows = self.atlas.page_rows(page);
             let (from, to) = (rows.start as usize / TILE, (rows.end as usize).div_ceil(TILE));
             tiles[from * errors.columns..to * errors.columns].iter().map(Sums::mse).collect()
         };
-        let set = |tiles: &Vec<Sums>| (0..self.atlas.pages).map(|p| of_page(tiles, p)).collect();
-        errors.tiles.iter().map(set).collect()
+        let frame = |tiles: &Vec<Sums>| (0..self.atlas.pages).map(|p| of_page(tiles, p)).collect();
+        errors.tiles.iter().map(frame).collect()
     }
 
-    /// The jump across seams of the set with most light, with its layers dilated only, and stitched.
+    /// The jump across seams of the frame with most light, with its layers dilated only, and stitched.
     fn jumps(&self, errors: &Errors) -> Result<Option<(usize, Jump, Jump)>> {
-        let light = |i: &usize| errors.set(*i).mean();
+        let light = |i: &usize| errors.frame(*i).mean();
         let brightest = (0..self.plan.moments.len()).max_by(|a, b| light(a).total_cmp(&light(b)));
         let Some(moment) = brightest.filter(|_| self.seams.edges() > 0) else { return Ok(None) };
         let mut images = [self.black(), self.black()];

@@ -9,10 +9,10 @@ use crate::{Error, Result, Rgb};
 use dataset::console::stop_if_interrupted;
 use rayon::prelude::*;
 
-/// Walks per entry and half that ordinary numbers of samples have at least.
-pub const ORDINARY_WALKS: usize = 16;
-/// Least walks per entry and half, whatever the samples.
-pub const LEAST_WALKS: usize = 4;
+/// Paths per entry and half that ordinary numbers of samples have at least.
+pub const ORDINARY_PATHS: usize = 16;
+/// Least paths per entry and half, whatever the samples.
+pub const LEAST_PATHS: usize = 4;
 /// Most passes.
 const MOST_PASSES: usize = 400;
 /// Largest change of the rescaling in the last pass.
@@ -33,7 +33,7 @@ const ENDLESS_GROWTH: f64 = 1e4;
 /// Part of a run's entries that, gaining a four-hundredth of their light by the last pass, keep it from
 /// settling.
 const ENDLESS_PART: f64 = 0.2;
-/// Bounces after which walks that kept half of their weight are without end.
+/// Bounces after which paths that kept half of their weight are without end.
 const ROUNDS: usize = 400;
 
 /// How the passes went.
@@ -45,7 +45,7 @@ pub struct Solution {
     pub settled: bool,
 }
 
-/// A landing of a pilot walk.
+/// A landing of a pilot path.
 #[derive(Clone, Copy)]
 pub struct Landing {
     /// Where; none: `u32::MAX`.
@@ -64,33 +64,33 @@ pub struct System {
     pub layers: usize,
     /// `[entry][layer]`.
     pub source: Vec<Rgb>,
-    /// Most walks of an entry.
-    pub walks: usize,
-    /// `[entry][walk]`.
+    /// Most paths of an entry.
+    pub paths: usize,
+    /// `[entry][path]`.
     pub landings: Vec<Landing>,
-    /// Per entry, 1 ÷ its walks.
+    /// Per entry, 1 ÷ its paths.
     pub share: Vec<f32>,
 }
 
-/// Walks per entry and half where texels get so many `samples`: a sixteenth of those, and more where entries
-/// are few. What the cache finds by chance moves the light of a whole page alike, and no number of walks that
-/// read it mends that. Few samples are a quick look: below sixteen of them there are as few walks, so that
+/// Paths per entry and half where texels get so many `samples`: a sixteenth of those, and more where entries
+/// are few. What the cache finds by chance moves the light of a whole page alike, and no number of paths that
+/// read it mends that. Few samples are a quick look: below sixteen of them there are as few paths, so that
 /// the cache does not cost many times what reads it.
-pub fn walks(entries: usize, samples: u32) -> usize {
+pub fn paths_per_entry(entries: usize, samples: u32) -> usize {
     /// From so many over all entries on, few entries are no reason for more.
     const ENOUGH: usize = 1 << 17;
     /// More over all entries take more than 256 MiB.
     const MOST: usize = 1 << 24;
     let of = |all: usize| all / entries.max(1);
-    let least = (samples as usize).clamp(LEAST_WALKS, ORDINARY_WALKS);
+    let least = (samples as usize).clamp(LEAST_PATHS, ORDINARY_PATHS);
     let worth = (samples as usize / 16).max(of(ENOUGH)).min(of(MOST)).clamp(least, 1 << 10);
     1 << worth.ilog2()
 }
 
 impl System {
-    /// Bytes of an entry with this number of walks.
-    pub fn bytes_per_entry(layers: usize, walks: usize) -> usize {
-        size_of::<Rgb>() * layers + walks * size_of::<Landing>()
+    /// Bytes of an entry with this number of paths.
+    pub fn bytes_per_entry(layers: usize, paths: usize) -> usize {
+        size_of::<Rgb>() * layers + paths * size_of::<Landing>()
     }
 
     /// Passes until nothing changes; `note` is told of each. `endless` is the error where the light grows
@@ -182,7 +182,7 @@ impl System {
     }
 
     /// Whether light goes round without end in so many entries that they would never settle: found without
-    /// any light, by what part of the weight of walks is left after [`ROUNDS`] of them.
+    /// any light, by what part of the weight of paths is left after [`ROUNDS`] of them.
     fn is_endless(&self) -> bool {
         let n = self.share.len();
         let mut left = vec![1f32; n];
@@ -191,7 +191,7 @@ impl System {
         for _ in 0..ROUNDS {
             let of = |&entry: &u32| {
                 let e = entry as usize;
-                let landings = self.landings[e * self.walks..][..self.walks].iter();
+                let landings = self.landings[e * self.paths..][..self.paths].iter();
                 let landed = landings.filter(|l| l.entry != NOWHERE.entry);
                 let most = |l: &Landing| l.weight.into_iter().fold(0.0, f32::max);
                 let sum: f32 = landed.map(|l| most(l) * left[l.entry as usize]).sum();
@@ -217,7 +217,7 @@ impl System {
 
     /// source + T light, at one entry.
     fn pass(&self, light: &CacheHalf, entry: usize, out: &mut [Rgb]) {
-        let landings = &self.landings[entry * self.walks..][..self.walks];
+        let landings = &self.landings[entry * self.paths..][..self.paths];
         let landed = || landings.iter().filter(|l| l.entry != NOWHERE.entry);
         landed().for_each(|l| light.prefetch(l.entry));
         for landing in landed() {
@@ -286,16 +286,16 @@ mod tests {
         let mut landings: Vec<Landing> = (0..2 * pocket).map(landing).collect();
         landings[pocket].weight = [1.0; 3];
         let source = (0..2 * pocket).map(|e| if e < pocket { light } else { Rgb::ONE }).collect();
-        System { layers: 1, source, walks: 1, landings, share: vec![1.0; 2 * pocket] }
+        System { layers: 1, source, paths: 1, landings, share: vec![1.0; 2 * pocket] }
     }
 
     #[test]
     fn few_samples_take_few_walks() {
-        let of = |samples| walks(1 << 21, samples);
+        let of = |samples| paths_per_entry(1 << 21, samples);
         assert_eq!([2, 4, 8, 16, 64, 256].map(of), [4, 4, 8, 16, 16, 16]);
-        assert_eq!([512, 1024].map(|samples| walks(1 << 18, samples)), [32, 64]);
-        // Few entries are solved from many walks, however few the samples.
-        assert_eq!([walks(1 << 10, 2), walks(1, 2)], [128, 1 << 10]);
+        assert_eq!([512, 1024].map(|samples| paths_per_entry(1 << 18, samples)), [32, 64]);
+        // Few entries are solved from many paths, however few the samples.
+        assert_eq!([paths_per_entry(1 << 10, 2), paths_per_entry(1, 2)], [128, 1 << 10]);
     }
 
     #[test]

@@ -7,7 +7,7 @@ use crate::surface::{BlockSurface, FaceBins, SurfacePoint};
 use crate::trace::counts::RayCounts;
 use crate::trace::sampler::{Kind, Sample, Sequence};
 use crate::trace::space::Receiver;
-use crate::trace::walk::{Transport, point_pair};
+use crate::trace::path::{Transport, point_pair};
 use glam::Vec2;
 
 /// What a sequence of random numbers is for. Each comes in two halves, scrambled independently.
@@ -19,7 +19,7 @@ pub enum Stream {
     Direct = 2,
     /// Points probed for being the texel's surface.
     Probe = 4,
-    /// The walks the cache is solved on.
+    /// The paths the cache is solved on.
     Pilot = 6,
     /// The reference texels are checked against.
     Check = 8,

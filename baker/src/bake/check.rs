@@ -1,6 +1,6 @@
-//! How wrong a bake really is: seeded texels, traced again by long walks to their end.
+//! How wrong a bake really is: seeded texels, traced again by long paths to their end.
 //!
-//! Walks to the end have no bias; their own noise is known from two independent halves and taken out of the
+//! Paths to the end have no bias; their own noise is known from two independent halves and taken out of the
 //! difference. What is left of the difference beyond the noise that the bake itself reports is its bias.
 //!
 //! Measured by the mean light of all checked texels, a dim room beside a bright yard may lose most of its
@@ -28,17 +28,19 @@ pub const TEXELS: usize = 512;
 pub struct Check {
     /// Texels compared.
     pub texels: usize,
-    /// Walks per texel of the reference.
+    /// Paths per texel of the reference.
     pub samples: u32,
-    /// One entry per set with light.
-    pub sets: Vec<SetCheck>,
+    /// One entry per frame with light.
+    #[serde(alias = "sets")]
+    pub frames: Vec<FrameCheck>,
 }
 
-/// A set, over the checked texels; numbers are relative to their mean light where nothing else is said.
+/// A frame, over the checked texels; numbers are relative to their mean light where nothing else is said.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct SetCheck {
-    /// Which set.
-    pub set: usize,
+pub struct FrameCheck {
+    /// Which frame.
+    #[serde(alias = "set")]
+    pub frame: usize,
     /// Root mean square difference from the reference, its noise taken out: the true error. `None` where the
     /// difference is no larger than that noise, so that nothing is known but that.
     pub true_error: Option<f64>,
@@ -58,13 +60,13 @@ pub struct SetCheck {
     /// The texels by eighths, the darkest first; those in which the reference finds no light are left out.
     pub eighths: Vec<Eighth>,
     /// The errors by eighths, the darkest first.
-    #[serde(default)]
-    pub told: Vec<Told>,
+    #[serde(alias = "told", default)]
+    pub estimates: Vec<Estimate>,
 }
 
 /// The errors of an eighth of the checked texels, relative to its mean light.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Told {
+pub struct Estimate {
     /// 0 the darkest, 7 the brightest.
     pub place: usize,
     /// Mean reference light.
@@ -77,7 +79,7 @@ pub struct Told {
     pub standard_error: Option<f64>,
 }
 
-impl Told {
+impl Estimate {
     /// Estimated ÷ measured.
     pub fn ratio(&self) -> Option<f64> {
         self.measured.map(|measured| self.estimated / measured)
@@ -97,7 +99,7 @@ pub struct Eighth {
     pub standard_error: f64,
 }
 
-/// Standard errors from which on a difference is taken for real: of 24 sets, eighth by eighth, chance alone
+/// Standard errors from which on a difference is taken for real: of 24 frames, eighth by eighth, chance alone
 /// passes them once in thirty bakes or so (Student's t for 64 texels).
 const SIGNIFICANT: f64 = 4.0;
 /// Parts that the texels are sorted into by brightness.
@@ -118,12 +120,12 @@ impl Eighth {
 }
 
 impl Check {
-    /// The set and eighth that lost or gained most, of those where chance does not explain it.
+    /// The frame and eighth that lost or gained most, of those where chance does not explain it.
     pub fn worst_eighth(&self) -> Option<(usize, &Eighth)> {
-        let beyond_chance = |s: &SetCheck, e: &Eighth| (s.set, beyond_chance(e, &s.eighths));
-        let all = self.sets.iter().flat_map(|s| s.eighths.iter().map(move |e| (beyond_chance(s, e), e)));
+        let beyond_chance = |s: &FrameCheck, e: &Eighth| (s.frame, beyond_chance(e, &s.eighths));
+        let all = self.frames.iter().flat_map(|s| s.eighths.iter().map(move |e| (beyond_chance(s, e), e)));
         let worst = all.filter(|((_, beyond), _)| *beyond > 0.0).max_by(|(a, _), (b, _)| a.1.total_cmp(&b.1));
-        worst.map(|((set, _), eighth)| (set, eighth))
+        worst.map(|((frame, _), eighth)| (frame, eighth))
     }
 }
 
@@ -136,7 +138,7 @@ fn beyond_chance(eighth: &Eighth, all: &[Eighth]) -> f64 {
     eighth.difference.abs() - SIGNIFICANT * noise
 }
 
-/// One checked texel at one set.
+/// One checked texel at one frame.
 #[derive(Clone, Copy)]
 struct Checked {
     /// Its light as baked.
@@ -212,13 +214,13 @@ pub fn choose(valid: impl Iterator<Item = (Chosen, f32)>, seed: u64) -> Vec<Chos
     chosen
 }
 
-/// Checks the chosen texels. `layers` holds each layer's values in their order; `sets` are made of the
+/// Checks the chosen texels. `layers` holds each layer's values in their order; `frames` are made of the
 /// worker's layers.
 pub fn check(
     worker: &Worker,
     chosen: &[Chosen],
     layers: &[Vec<Value>],
-    sets: &[Parts],
+    frames: &[Parts],
     samples: u32,
     console: &Console,
 ) -> crate::Result<Check> {
@@ -230,7 +232,7 @@ pub fn check(
             stop_if_interrupted()?;
             let [a, b] = reference(worker, texel.index, samples)?;
             progress.advance(1);
-            let of_set = |parts: &Parts| {
+            let of_frame = |parts: &Parts| {
                 let sum = |value: &dyn Fn(usize) -> Rgb| {
                     parts.iter().map(|&(l, s)| value(l) * s).sum::<Rgb>().as_dvec3()
                 };
@@ -242,18 +244,18 @@ pub fn check(
                     halves: [sum(&|l| a[l]), sum(&|l| b[l])],
                 }
             };
-            Ok(sets.iter().map(of_set).collect())
+            Ok(frames.iter().map(of_frame).collect())
         })
         .collect::<crate::Result<_>>()?;
-    let summary = (0..sets.len()).filter_map(|set| {
-        let texels: Vec<Checked> = checked.iter().map(|sets| sets[set]).collect();
-        summary(set, &texels)
+    let summary = (0..frames.len()).filter_map(|frame| {
+        let texels: Vec<Checked> = checked.iter().map(|frames| frames[frame]).collect();
+        summary(frame, &texels)
     });
-    Ok(Check { texels: checked.len(), samples, sets: summary.collect() })
+    Ok(Check { texels: checked.len(), samples, frames: summary.collect() })
 }
 
-/// Sums up the checked texels of a set; `None` without light.
-fn summary(set: usize, texels: &[Checked]) -> Option<SetCheck> {
+/// Sums up the checked texels of a frame; `None` without light.
+fn summary(frame: usize, texels: &[Checked]) -> Option<FrameCheck> {
     let n = (3 * texels.len().max(1)) as f64;
     let total = |f: &dyn Fn(&Checked) -> f64| texels.iter().map(f).sum::<f64>() / n;
     let light = |t: &Checked| (t.halves[0] + t.halves[1]) * 0.5;
@@ -276,8 +278,8 @@ fn summary(set: usize, texels: &[Checked]) -> Option<SetCheck> {
         ratios.sort_by(f64::total_cmp);
         median(&ratios)
     };
-    Some(SetCheck {
-        set,
+    Some(FrameCheck {
+        frame,
         true_error: (true2 > 0.0).then(|| true2.sqrt() / mean),
         estimated_error: estimated2.sqrt() / mean,
         bias: (true2 - estimated2).max(0.0).sqrt() / mean,
@@ -286,13 +288,13 @@ fn summary(set: usize, texels: &[Checked]) -> Option<SetCheck> {
         own_error: own(&difference),
         own_reference_error: own(&noise),
         eighths: eighths(texels),
-        told: told(texels),
+        estimates: estimates(texels),
     })
 }
 
 /// Errors as estimated and as they are, by eighths. (Sorted by what was baked, the darkest would be those
 /// that missed the light, and with it their own error.)
-fn told(texels: &[Checked]) -> Vec<Told> {
+fn estimates(texels: &[Checked]) -> Vec<Estimate> {
     let sorted = sorted(texels);
     let eighth = |place: usize| {
         let texels: Vec<(&Checked, usize)> = [0, 1]
@@ -317,7 +319,7 @@ fn told(texels: &[Checked]) -> Vec<Told> {
         // (Of a square root half of the part.)
         let part = |value: f64, error: f64| if value > 0.0 { error / value / 2.0 } else { 0.0 };
         let is_known = measured > 2.0 * measured_error;
-        Some(Told {
+        Some(Estimate {
             place,
             light,
             estimated: estimated.max(0.0).sqrt() / light,
@@ -382,7 +384,7 @@ fn ratio(pairs: impl Iterator<Item = (f64, f64)> + Clone) -> Option<(f64, f64, f
     Some((light / n, ratio - 1.0, (scatter * n / (n - 1.0)).sqrt() / light))
 }
 
-/// Both halves of a texel's light in every layer, by walks to their end.
+/// Both halves of a texel's light in every layer, by paths to their end.
 fn reference(worker: &Worker, index: u32, samples: u32) -> crate::Result<[Vec<Rgb>; 2]> {
     let (x, y) = ((index % worker.atlas.width) as usize, (index / worker.atlas.width) as usize);
     let block = worker.bins.block_of(x, y);
@@ -401,7 +403,7 @@ fn reference(worker: &Worker, index: u32, samples: u32) -> crate::Result<[Vec<Rg
             let Some(at) = worker.receiver(&surface, texel, sample, probes, &mut counts) else { continue };
             taken += 1;
             worker.transport.add_direct(&at, Rgb::ONE, sample, 0, &mut direct, &mut counts);
-            worker.walk(&at, sample, None, &mut sums, &mut met, &mut counts);
+            worker.trace_path(&at, sample, None, &mut sums, &mut met, &mut counts);
         }
         lights.add_held(&direct, &met, &mut sums);
         sums.iter_mut().for_each(|s| *s /= taken.max(1) as f32);
@@ -484,8 +486,8 @@ mod tests {
         // should.
         let (mut ratios, mut beyond) = (Vec::new(), 0);
         for seed in 1..=20 {
-            for told in told(&bake_checked_to(0.05, seed, 1.0, 1.0)) {
-                let (Some(ratio), Some(error)) = (told.ratio(), told.standard_error) else { continue };
+            for estimate in estimates(&bake_checked_to(0.05, seed, 1.0, 1.0)) {
+                let (Some(ratio), Some(error)) = (estimate.ratio(), estimate.standard_error) else { continue };
                 ratios.push(ratio.ln());
                 beyond += usize::from((ratio.ln() / error).abs() > 2.0);
             }
@@ -493,30 +495,30 @@ mod tests {
         let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
         assert!(ratios.len() > 150 && mean.abs() < 0.06, "{} {mean}", ratios.len());
         assert!(beyond < ratios.len() / 6, "{beyond} of {}", ratios.len());
-        // Half of the room's light lost: there alone the truth is far above what is told.
-        let told = told(&bake_checked_to(0.05, 1, 0.5, 1.0));
-        assert!(told[0].ratio().is_some_and(|ratio| ratio < 0.2), "{told:?}");
-        assert!(told[7].ratio().is_some_and(|ratio| (0.5..2.0).contains(&ratio)), "{told:?}");
+        // Half of the room's light lost: there alone the truth is far above the estimate.
+        let estimates = estimates(&bake_checked_to(0.05, 1, 0.5, 1.0));
+        assert!(estimates[0].ratio().is_some_and(|ratio| ratio < 0.2), "{estimates:?}");
+        assert!(estimates[7].ratio().is_some_and(|ratio| (0.5..2.0).contains(&ratio)), "{estimates:?}");
     }
 
     fn check_of(texels: &[Checked]) -> Check {
-        Check { texels: texels.len(), samples: 2, sets: summary(0, texels).into_iter().collect() }
+        Check { texels: texels.len(), samples: 2, frames: summary(0, texels).into_iter().collect() }
     }
 
     #[test]
     fn a_damaged_dim_room_is_seen_though_the_page_hardly_changes() {
         let (whole, damaged) = (check_of(&bake(1, 1.0, 1.0)), check_of(&bake(1, 0.5, 1.0)));
         // Relative to the page, half the room's light is nothing.
-        let true_error = |check: &Check| check.sets[0].true_error.expect("more than noise");
+        let true_error = |check: &Check| check.frames[0].true_error.expect("more than noise");
         assert!((true_error(&damaged) - true_error(&whole)).abs() < 0.002);
-        assert!(damaged.sets[0].mean_difference.abs() < 0.02);
+        assert!(damaged.frames[0].mean_difference.abs() < 0.02);
         // The two darkest eighths are the room.
-        for eighth in &damaged.sets[0].eighths[..2] {
+        for eighth in &damaged.frames[0].eighths[..2] {
             assert!((eighth.difference + 0.5).abs() < 4.0 * eighth.standard_error, "{eighth:?}");
             assert!(eighth.standard_error < 0.03 && (eighth.light / 1.15 - 1.0).abs() < 0.2, "{eighth:?}");
         }
-        let (set, worst) = damaged.worst_eighth().expect("a worst eighth");
-        assert!(set == 0 && worst.place < 2, "{worst:?}");
+        let (frame, worst) = damaged.worst_eighth().expect("a worst eighth");
+        assert!(frame == 0 && worst.place < 2, "{worst:?}");
     }
 
     #[test]
@@ -525,7 +527,7 @@ mod tests {
         for seed in 1..=20 {
             for room in [1.0, 100.0] {
                 let check = check_of(&bake(seed, 1.0, room));
-                assert_eq!(check.worst_eighth(), None, "{:?}", check.sets[0].eighths);
+                assert_eq!(check.worst_eighth(), None, "{:?}", check.frames[0].eighths);
             }
         }
     }
@@ -533,16 +535,16 @@ mod tests {
     #[test]
     fn a_texels_own_error_is_a_part_of_its_own_light() {
         // Medians of |normal| are 0.674 of its deviation: difference √(0.1² + 0.2² ÷ 2), reference 0.2 ÷ √2.
-        let set = &check_of(&bake(1, 1.0, 1.0)).sets[0];
-        assert!((set.own_error / (0.674 * 0.03f64.sqrt()) - 1.0).abs() < 0.15, "{}", set.own_error);
-        let noise = set.own_reference_error / (0.674 * 0.02f64.sqrt());
+        let frame = &check_of(&bake(1, 1.0, 1.0)).frames[0];
+        assert!((frame.own_error / (0.674 * 0.03f64.sqrt()) - 1.0).abs() < 0.15, "{}", frame.own_error);
+        let noise = frame.own_reference_error / (0.674 * 0.02f64.sqrt());
         assert!((noise - 1.0).abs() < 0.15, "{noise}");
         // All light lost everywhere: wrong by the whole of it.
         let mut black = bake(1, 1.0, 1.0);
         black.iter_mut().for_each(|t| t.baked = DVec3::ZERO);
-        let set = &check_of(&black).sets[0];
-        assert_eq!(set.own_error, 1.0);
-        assert!(set.eighths.iter().all(|e| e.difference == -1.0));
+        let frame = &check_of(&black).frames[0];
+        assert_eq!(frame.own_error, 1.0);
+        assert!(frame.eighths.iter().all(|e| e.difference == -1.0));
     }
 
     #[test]
@@ -553,9 +555,9 @@ mod tests {
         // Three texels of sixteen have light: eighths without are left out, and every number is finite.
         let mut texels = [black; 16];
         texels[..3].iter_mut().for_each(|t| t.halves = [DVec3::ONE; 2]);
-        let set = summary(0, &texels).expect("light");
-        assert!(set.own_error.is_finite() && set.eighths.iter().all(|e| e.place >= 6), "{set:?}");
-        serde_json::to_string(&set).unwrap();
+        let frame = summary(0, &texels).expect("light");
+        assert!(frame.own_error.is_finite() && frame.eighths.iter().all(|e| e.place >= 6), "{frame:?}");
+        serde_json::to_string(&frame).unwrap();
     }
 
     #[test]

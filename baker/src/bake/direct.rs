@@ -14,7 +14,7 @@ use super::state::{BlockState, CELLS, Direct};
 use crate::surface::BlockSurface;
 use crate::trace::counts::RayCounts;
 use crate::trace::subset::ALL_UP_TO;
-use crate::trace::walk::sun_draw;
+use crate::trace::path::sun_draw;
 use dataset::console::interrupted;
 use rayon::prelude::*;
 

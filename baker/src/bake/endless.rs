@@ -5,7 +5,7 @@ use crate::atlas::Atlas;
 use crate::geometry::Geometry;
 use crate::trace::endless::Endless;
 use crate::trace::sampler::{Kind, Sequence};
-use crate::trace::walk::Transport;
+use crate::trace::path::Transport;
 use crate::{Error, Result};
 use rayon::prelude::*;
 

@@ -1,5 +1,5 @@
 //! How wrong the bake is at this moment: the difference of two independently scrambled halves, per tile and
-//! set.
+//! frame.
 //!
 //! With A and B the halves' means, the estimate is (A + B)/2 and its squared standard error is estimated by
 //! ((A − B)/2)². (A running variance of low-discrepancy points would overestimate it.)
@@ -11,7 +11,7 @@ use crate::surface::{BLOCK, BlockSurface};
 use dataset::metrics::relative_error;
 use dataset::tiles::TILE;
 
-/// Error and light of some texels at one set, as sums over valid texels and channels.
+/// Error and light of some texels at one frame, as sums over valid texels and channels.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Sums {
     /// Texels × channels.
@@ -70,16 +70,16 @@ impl Sums {
     }
 }
 
-/// The error of a whole page, per set and metric tile.
+/// The error of a whole page, per frame and metric tile.
 #[derive(Clone, Debug)]
 pub struct Errors {
     /// Metric tiles across.
     pub columns: usize,
-    /// `tiles[set][tile]`.
+    /// `tiles[frame][tile]`.
     pub tiles: Vec<Vec<Sums>>,
 }
 
-/// The layers a set is made of, and what each is multiplied by.
+/// The layers a frame is made of, and what each is multiplied by.
 pub type Parts = Vec<(usize, Rgb)>;
 
 /// The cell of a texel (an index within the block, row by row).
@@ -94,39 +94,39 @@ pub fn median(sorted: &[f64]) -> f64 {
 
 impl Errors {
     /// An empty table for a page.
-    pub fn new(width: usize, height: usize, sets: usize) -> Self {
+    pub fn new(width: usize, height: usize, frames: usize) -> Self {
         let columns = width.div_ceil(TILE);
-        Errors { columns, tiles: vec![vec![Sums::default(); columns * height.div_ceil(TILE)]; sets] }
+        Errors { columns, tiles: vec![vec![Sums::default(); columns * height.div_ceil(TILE)]; frames] }
     }
 
     /// Adds the sums of the texel or block whose top left texel is (x0, y0).
-    pub fn add(&mut self, set: usize, x0: usize, y0: usize, sums: &Sums) {
+    pub fn add(&mut self, frame: usize, x0: usize, y0: usize, sums: &Sums) {
         const { assert!(TILE.is_multiple_of(BLOCK)) };
-        self.tiles[set][(y0 / TILE) * self.columns + x0 / TILE].add(sums);
+        self.tiles[frame][(y0 / TILE) * self.columns + x0 / TILE].add(sums);
     }
 
-    /// The whole page at one set.
-    pub fn set(&self, set: usize) -> Sums {
+    /// The whole page at one frame.
+    pub fn frame(&self, frame: usize) -> Sums {
         let mut all = Sums::default();
-        self.tiles[set].iter().for_each(|t| all.add(t));
+        self.tiles[frame].iter().for_each(|t| all.add(t));
         all
     }
 
-    /// Relative error of one set over the whole page; `None` without light.
-    pub fn relative_of_set(&self, set: usize) -> Option<f64> {
-        let all = self.set(set);
+    /// Relative error of one frame over the whole page; `None` without light.
+    pub fn relative_of_frame(&self, frame: usize) -> Option<f64> {
+        let all = self.frame(frame);
         (all.light > 0.0).then(|| relative_error(all.mse(), all.mean(), all.mean()))
     }
 
-    /// Relative error of every (tile, set) with light, by the project's one definition. Where something
-    /// `shines` and no set has light, all of it may be missing: 1.
+    /// Relative error of every (tile, frame) with light, by the project's one definition. Where something
+    /// `shines` and no frame has light, all of it may be missing: 1.
     pub fn relative(&self, shines: bool) -> Vec<f64> {
         let mut all = Vec::new();
-        for (set, tiles) in self.tiles.iter().enumerate() {
-            let set_mean = self.set(set).mean();
-            if set_mean > 0.0 {
+        for (frame, tiles) in self.tiles.iter().enumerate() {
+            let frame_mean = self.frame(frame).mean();
+            if frame_mean > 0.0 {
                 let lit = tiles.iter().filter(|t| t.values > 0);
-                all.extend(lit.map(|t| relative_error(t.mse(), t.mean(), set_mean)));
+                all.extend(lit.map(|t| relative_error(t.mse(), t.mean(), frame_mean)));
             }
         }
         if all.is_empty() && shines {

@@ -20,7 +20,7 @@ pub fn mostly_invalid(plan: &Plan, stored: &Stored) -> Option<String> {
     };
     if plan.layers() == 0 {
         Some(
-            "no light: neither sun nor sky nor a lamp shines at any of these moments; all sets are black"
+            "no light: neither sun nor sky nor a lamp shines at any of these moments; all frames are black"
                 .to_owned(),
         )
     } else if of(stored.unlit_texels) > 50.0 {
@@ -63,7 +63,7 @@ pub fn advice(
     is_denoised: bool,
 ) -> Option<String> {
     let worst = stored.worst.as_ref()?;
-    let local = stored.local.1[worst.set].filter(|local| local.p95 > OVER[0])?;
+    let local = stored.local.1[worst.frame].filter(|local| local.p95 > OVER[0])?;
     let (layer, share) = *worst.causes.first()?;
     let first_group = plan.suns.len() + plan.sky_hours.len();
     let cause = if layer < plan.suns.len() {
@@ -90,7 +90,7 @@ pub fn advice(
     Some(format!(
         "at {} one cell in twenty has a local error over {}; {} of it comes from {cause}{remedy}; {}--samples {needed} or --target-error 5% brings 95 % of the \
          texels below 5 %",
-        hour(plan.moments[worst.set].hour),
+        hour(plan.moments[worst.frame].hour),
         percent(local.p95),
         percent(share),
         if is_denoised { "" } else { "--denoise auto lowers it; " }
@@ -100,7 +100,7 @@ pub fn advice(
 /// The moments at which something shines and no light was found. Whether it is shut out or was missed, no
 /// estimate can tell.
 fn unseen(plan: &Plan, stored: &Stored) -> Option<String> {
-    let is_unseen = |&set: &usize| !plan.layers_of(set).is_empty() && stored.errors.set(set).light <= 0.0;
+    let is_unseen = |&frame: &usize| !plan.layers_of(frame).is_empty() && stored.errors.frame(frame).light <= 0.0;
     let unseen: Vec<usize> = (0..plan.moments.len()).filter(is_unseen).collect();
     let first = plan.moments.get(*unseen.first()?)?;
     let others = match unseen.len() - 1 {
@@ -109,7 +109,7 @@ fn unseen(plan: &Plan, stored: &Stored) -> Option<String> {
     };
     Some(format!(
         "no light was found at {}{others}, though something shines then: it is shut out from every texel, or all samples missed it; \
-         how wrong these sets are is not known",
+         how wrong these frames are is not known",
         hour(first.hour)
     ))
 }
@@ -191,12 +191,12 @@ pub fn of_bake(
         ),
         format!(
             "{} besides the hours asked for, to show both sides of every light switch",
-            count(extras, "set")
+            count(extras, "frame")
         ),
     ];
     if let (added @ 1.., Some(after)) = (plan.extra_times.added.len(), plan.extra_times.error_after) {
         facts.push(format!(
-            "{} besides, where light of sky and sun changes fast: interpolated linearly between the sets it errs by up to {}",
+            "{} besides, where light of sky and sun changes fast: interpolated linearly between the frames it errs by up to {}",
             count(added, "extra time"),
             percent(after)
         ));
@@ -214,7 +214,7 @@ pub fn of_bake(
     if let Some((edges, before, after)) = &stored.seams {
         facts.push(format!(
             "{} where charts of one surface meet: mean jump {:.2} % of the light there, {:.2} % after stitching (in the \
-             brightest set)",
+             brightest frame)",
             count(*edges, "edge"),
             before.mean * 100.0,
             after.mean * 100.0

@@ -23,7 +23,7 @@ use crate::trace::lights::Lights;
 use crate::trace::rays::Rays;
 use crate::trace::sampler::{Kind, Sequence};
 use crate::trace::space::Space;
-use crate::trace::walk::{Transport, point_pair};
+use crate::trace::path::{Transport, point_pair};
 use crate::{Result, light::sky::SkyTable};
 use dataset::tiles::TILE;
 use glam::{DVec3, Vec3};
@@ -101,7 +101,7 @@ pub fn forecast(prepared: &Prepared, sketch: &Sketch) -> Result<Forecast> {
     let all: Vec<usize> = (0..plan.layers()).collect();
     let disk = Disk::of(prepared, sketch, &all);
     let (n, triangles) = (texels as u64, prepared.geometry.triangles.len() as u64);
-    // While sets are put together: three images (a part of a layer, the sum of all, that of the groups), the
+    // While frames are put together: three images (a part of a layer, the sum of all, that of the groups), the
     // file of one, and what is known of texels.
     let assembling = 4 * IMAGE * sketch.virtual_texels() + 32 * n;
     // While layers are denoised: where texels are; and for each thread, a block and its surroundings.
@@ -113,8 +113,8 @@ pub fn forecast(prepared: &Prepared, sketch: &Sketch) -> Result<Forecast> {
         Integrator::Cached => cache_entries(prepared, sketch),
         Integrator::Path => 0,
     };
-    let walks = balance::walks(entries, rounds::certain(&prepared.limits));
-    let cache = solve::bytes(entries, plan.layers(), walks);
+    let paths = balance::paths_per_entry(entries, rounds::certain(&prepared.limits));
+    let cache = solve::bytes(entries, plan.layers(), paths);
     let stored_cache = 2 * (entries * CacheHalf::bytes_per_entry(plan.layers())) as u64;
     // Towards a target layers are denoised between rounds, too: beside the cache.
     let is_judged = prepared.denoise.is_some() && prepared.limits.target_error.is_some();

@@ -1,4 +1,4 @@
-//! Indirect light at the texels of a block: walks that end in the cache, and looks at its bright surfaces.
+//! Indirect light at the texels of a block: paths that end in the cache, and looks at its bright surfaces.
 
 use super::allocate::shared;
 use super::block::{Stream, Worker, sum};
@@ -16,7 +16,7 @@ use crate::trace::sampler::Sample;
 use crate::trace::space::Receiver;
 use crate::trace::subset::{ALL_UP_TO, Comb, chances};
 use crate::trace::triangle::Hit;
-use crate::trace::walk::{Arrival, balance_heuristic};
+use crate::trace::path::{Arrival, balance_heuristic};
 use dataset::console::interrupted;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -41,7 +41,7 @@ pub struct Cache<'a> {
 /// What a cell sees of the bright surfaces of one light group, or of daylight.
 struct Sight {
     view: View,
-    /// The part of its walks that come with a look at them.
+    /// The part of its paths that come with a look at them.
     chance: f32,
 }
 
@@ -97,14 +97,14 @@ const MANY_CLUSTERS: usize = 1024;
 /// Those that a group has at least.
 const LEAST_CLUSTERS: usize = 16;
 
-/// Light groups whose bright surfaces are looked at with each walk, on average, where there are more than
+/// Light groups whose bright surfaces are looked at with each path, on average, where there are more than
 /// [`ALL_UP_TO`].
 const LOOKS: usize = 2;
 
 /// Of one group's look, whether it is taken: the random number for that.
 const LOOK: u32 = 0x6c6f_6f6b;
 
-/// An entry of the cache that a walk ended at, to be read a few samples later: by then it has come from
+/// An entry of the cache that a path ended at, to be read a few samples later: by then it has come from
 /// memory.
 pub struct Reading {
     entry: u32,
@@ -115,13 +115,13 @@ pub struct Reading {
 }
 
 /// What is nearer to a texel than so many lengths of its own entries is not read: there light differs over an
-/// entry, and walks go on.
+/// entry, and paths go on.
 const NEAR: f64 = 2.0;
 
 /// Samples between two rounds of reading. (Sums are taken in this order: it decides the bytes of every bake.)
 const READ_EVERY: u32 = 8;
 
-/// One half of the cache, as the walks of one texel read it.
+/// One half of the cache, as the paths of one texel read it.
 pub struct Reader<'a> {
     cache: &'a Cache<'a>,
     half: &'a CacheHalf,
@@ -191,7 +191,7 @@ impl Worker<'_> {
                         let sample = sequence.sample(i);
                         if let Some(at) = self.receiver(surface, texel, sample, probes, &mut counts) {
                             taken[half] += 1;
-                            self.walk(&at, sample, reader.as_mut(), out, met, &mut counts);
+                            self.trace_path(&at, sample, reader.as_mut(), out, met, &mut counts);
                         }
                         if let Some(reader) = &mut reader
                             && (i % READ_EVERY == READ_EVERY - 1 || i + 1 == goal)
@@ -208,10 +208,10 @@ impl Worker<'_> {
         counts
     }
 
-    /// One walk, ended where the cache knows the light, and a look at its bright surfaces. What is to be read
+    /// One path, ended where the cache knows the light, and a look at its bright surfaces. What is to be read
     /// of the cache is put down, and added with `Reader::read`; what is met straight of emissive surfaces
     /// goes to `met`.
-    pub fn walk(
+    pub fn trace_path(
         &self,
         at: &Receiver,
         sample: Sample,

@@ -17,7 +17,7 @@ pub fn missing(plan: &Plan, layers: &Layers, base: &str, digests: &[String]) -> 
     (0..digests.len()).filter(is_missing).collect()
 }
 
-/// The layers, ascending, of the sets that miss a target error, where those layers were traced until they met
+/// The layers, ascending, of the frames that miss a target error, where those layers were traced until they met
 /// it: by other colours, intensities or schedules, or together with others. `light`: all layers.
 pub fn missing_target(plan: &Plan, light: &Light, target: f64) -> Result<Vec<usize>> {
     let mut found = BTreeSet::new();

@@ -272,7 +272,7 @@ impl Layers {
         for block in blocks {
             let surface = worker.surface(block);
             let covered: Vec<usize> = surface.covered().collect();
-            let state = tracer.standing(block, &surface, way, &mut rays)?;
+            let state = tracer.block_state(block, &surface, way, &mut rays)?;
             let mut stored: Vec<Vec<Stored>> = vec![Vec::with_capacity(covered.len()); parts.len()];
             for (i, &texel) in covered.iter().enumerate() {
                 let index = surface.page_index(worker.atlas, texel) as u32;

@@ -17,7 +17,7 @@ use crate::surface::{BLOCK, BlockSurface};
 use crate::trace::counts::RayCounts;
 use crate::trace::lights::Lights;
 use crate::trace::sampler::{Kind, Sequence};
-use crate::trace::walk::point_pair;
+use crate::trace::path::point_pair;
 use dataset::console::{Console, stop_if_interrupted};
 use dataset::image::encode_png;
 use rayon::prelude::*;
@@ -305,7 +305,7 @@ impl Places {
         self.owners.of(x, y)
     }
 
-    /// Per cell of a set, the light below which nothing is judged: by the median of its own light and that of
+    /// Per cell of a frame, the light below which nothing is judged: by the median of its own light and that of
     /// the cells seen from it.
     pub fn floors(&self, cells: &[Sums]) -> Vec<f64> {
         let floor = |place: usize| {
@@ -321,13 +321,13 @@ impl Places {
         (0..cells.len()).map(floor).collect()
     }
 
-    /// Per cell of a set, its local error; 0 of one without light.
+    /// Per cell of a frame, its local error; 0 of one without light.
     pub fn errors(&self, cells: &[Sums]) -> Vec<f64> {
         let floors = self.floors(cells).into_iter().zip(self.grid.squared_biases(cells));
         cells.iter().zip(floors).map(|(sums, (floor, bias))| error(sums, floor, bias)).collect()
     }
 
-    /// The errors of a set, and what they sum up to.
+    /// The errors of a frame, and what they sum up to.
     pub fn judge(&self, cells: &[Sums]) -> (Vec<f64>, Option<Local>) {
         let errors = self.errors(cells);
         let local = Local::of(errors.iter().zip(cells).map(|(error, sums)| (*error, sums.values / 3)));
@@ -346,9 +346,9 @@ pub fn error(sums: &Sums, floor: f64, bias: f64) -> f64 {
     (by_light + bias).sqrt().min((by_floor + bias * sums.mean() * sums.mean()).sqrt() / floor)
 }
 
-/// Per set, the sums of each cell of a block. A texel counts where it is exposed and some layer reaches it.
+/// Per frame, the sums of each cell of a block. A texel counts where it is exposed and some layer reaches it.
 pub fn of_block(
-    sets: &[Parts],
+    frames: &[Parts],
     lights: &Lights,
     surface: &BlockSurface,
     state: &BlockState,
@@ -356,9 +356,9 @@ pub fn of_block(
 ) -> Vec<[Sums; CELLS]> {
     let layers = lights.layers();
     let (mut a, mut b) = (vec![Rgb::ZERO; layers], vec![Rgb::ZERO; layers]);
-    // Of the texels that count: where they are, and per set their light and its standard error.
+    // Of the texels that count: where they are, and per frame their light and its standard error.
     let mut counted = Vec::new();
-    let mut light: Vec<Vec<Value>> = vec![Vec::new(); sets.len()];
+    let mut light: Vec<Vec<Value>> = vec![Vec::new(); frames.len()];
     for (texel, place) in surface.covered().enumerate() {
         if !state.is_exposed(texel) {
             continue;
@@ -370,7 +370,7 @@ pub fn of_block(
         }
         let (x, y) = (surface.x0 + place % surface.width, surface.y0 + place / surface.width);
         counted.push((cell_of(surface, place), places.chart_of(x, y)));
-        for (parts, light) in sets.iter().zip(&mut light) {
+        for (parts, light) in frames.iter().zip(&mut light) {
             let sum = |half: &[Rgb]| parts.iter().map(|&(l, scale)| half[l] * scale).sum::<Rgb>();
             let (a, b) = (sum(&a), sum(&b));
             light.push(Value::traced((a + b) * 0.5, (a - b) * 0.5));

@@ -38,7 +38,7 @@ pub struct Options {
     pub backend: Backend,
     /// Whether indirect light is denoised.
     pub denoise: Denoise,
-    /// Check some texels against so many walks each that are followed to their end.
+    /// Check some texels against so many paths each that are followed to their end.
     pub check: Option<u32>,
     /// How large and how good.
     pub preset: Preset,
@@ -109,9 +109,9 @@ impl Denoise {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Integrator {
-    /// Walks end at the first surface where the light of the whole day has been solved for beforehand.
+    /// Paths end at the first surface where the light of the whole day has been solved for beforehand.
     Cached,
-    /// Walks go on to their end: unbiased, with a fixed number of samples.
+    /// Paths go on to their end: unbiased, with a fixed number of samples.
     Path,
 }
 
@@ -136,7 +136,8 @@ pub struct Outcome {
     /// Pages.
     pub pages: u32,
     /// Sets written.
-    pub sets: usize,
+    #[serde(alias = "sets")]
+    pub frames: usize,
     /// Their hours.
     pub hours: Vec<f64>,
     /// Valid texels.
@@ -147,7 +148,7 @@ pub struct Outcome {
     pub mean_samples: f64,
     /// Layers of light traced by this run, and those taken from an earlier one.
     pub layers: LayerCount,
-    /// Median estimated relative error over (tile, set).
+    /// Median estimated relative error over (tile, frame).
     pub relative_error: f64,
     /// Local errors: of cells of 16×16 texels, relative to the light where they are.
     #[serde(default)]
@@ -195,8 +196,8 @@ impl Outcome {
 
     /// The hour with the greatest local errors, and those.
     pub fn worst_hour(&self) -> Option<(f64, Local)> {
-        let set = self.local.worst_set?;
-        Some((*self.hours.get(set)?, (*self.local.sets.get(set)?)?))
+        let frame = self.local.worst_frame?;
+        Some((*self.hours.get(frame)?, (*self.local.frames.get(frame)?)?))
     }
 }
 
@@ -216,12 +217,14 @@ pub struct Denoised {
 /// The local errors of a bake ([`super::local`]).
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct LocalErrors {
-    /// Of all sets together; `None` without light.
+    /// Of all frames together; `None` without light.
     pub all: Option<Local>,
-    /// Of each set.
-    pub sets: Vec<Option<Local>>,
-    /// The set whose 95th percentile is greatest.
-    pub worst_set: Option<usize>,
+    /// Of each frame.
+    #[serde(alias = "sets")]
+    pub frames: Vec<Option<Local>>,
+    /// The frame whose 95th percentile is greatest.
+    #[serde(alias = "worst_set")]
+    pub worst_frame: Option<usize>,
     /// Where many cells have more than 5 %: why, and what to do.
     pub advice: Option<String>,
 }

@@ -1,4 +1,4 @@
-//! The walks the cache is solved on: a few from each of its entries.
+//! The paths the cache is solved on: a few from each of its entries.
 
 use super::balance::{Landing, NOWHERE, System};
 use super::block::{Stream, Worker, sum};
@@ -8,7 +8,7 @@ use crate::trace::cache::{CacheMap, Patch};
 use crate::trace::counts::RayCounts;
 use crate::trace::sampler::{Kind, Sample, Sequence};
 use crate::trace::space::Receiver;
-use crate::trace::walk::{Arrival, point_pair};
+use crate::trace::path::{Arrival, point_pair};
 use crate::{Result, Rgb};
 use dataset::console::stop_if_interrupted;
 use rayon::prelude::*;
@@ -17,13 +17,13 @@ use std::sync::Mutex;
 /// The direct light of a block.
 type StateOf<'s> = &'s (dyn Fn(usize) -> Result<(BlockState, RayCounts)> + Sync);
 
-/// `walks` from each entry of one half, from patches `of_patches` of them; `each` is called after each block.
+/// `paths` from each entry of one half, from patches `of_patches` of them; `each` is called after each block.
 pub fn trace(
     worker: &Worker,
     state: StateOf,
     map: &CacheMap,
     blocks: &[usize],
-    (walks, of_patches): (usize, usize),
+    (paths, of_patches): (usize, usize),
     half: usize,
     each: impl Fn() + Sync,
 ) -> Result<(System, RayCounts)> {
@@ -32,8 +32,8 @@ pub fn trace(
     let system = Mutex::new(System {
         layers,
         source: vec![Rgb::ZERO; n * layers],
-        walks,
-        landings: vec![NOWHERE; n * walks],
+        paths,
+        landings: vec![NOWHERE; n * paths],
         share: vec![0.0; n],
     });
     let keep = |traced: Vec<TracedEntry>| {
@@ -42,7 +42,7 @@ pub fn trace(
         for entry in traced {
             let e = entry.entry as usize;
             system.source[e * layers..(e + 1) * layers].copy_from_slice(&entry.source);
-            system.landings[e * walks..][..entry.landings.len()].copy_from_slice(&entry.landings);
+            system.landings[e * paths..][..entry.landings.len()].copy_from_slice(&entry.landings);
             system.share[e] = entry.share;
             counts += entry.counts;
         }
@@ -53,7 +53,7 @@ pub fn trace(
         .map(|&block| {
             stop_if_interrupted()?;
             let (state, mut counts) = state(block)?;
-            counts += keep(trace_block(worker, map, (block, &state), walks, half));
+            counts += keep(trace_block(worker, map, (block, &state), paths, half));
             each();
             Ok(counts)
         })
@@ -65,10 +65,10 @@ pub fn trace(
     Ok((system.into_inner().unwrap_or_else(|e| e.into_inner()), sum(counts)))
 }
 
-/// Walks from a patch for each sample of its direct light.
-const WALKS_A_DIRECT: usize = 4;
+/// Paths from a patch for each sample of its direct light.
+const PATHS_A_DIRECT: usize = 4;
 
-/// What the walks from one entry found.
+/// What the paths from one entry found.
 struct TracedEntry {
     entry: u32,
     source: Vec<Rgb>,
@@ -81,7 +81,7 @@ fn trace_block(
     worker: &Worker,
     map: &CacheMap,
     (block, state): (usize, &BlockState),
-    walks: usize,
+    paths: usize,
     half: usize,
 ) -> Vec<TracedEntry> {
     let surface = worker.surface(block);
@@ -108,17 +108,17 @@ fn trace_block(
                     source[lights.layer_of_sampled(light)] += direct.mean() / group.len() as f32;
                 }
             }
-            // Walks from points spread over its texels.
+            // Paths from points spread over its texels.
             let sequence = worker.sequence(&surface, covered[group[0].1], Stream::Pilot, half);
             let start = |i: usize, counts: &mut RayCounts| {
-                let (_, texel) = group[i * group.len() / walks];
+                let (_, texel) = group[i * group.len() / paths];
                 let sample = sequence.sample(i as u32);
                 Some((
                     worker.receiver(&surface, covered[texel], sample, state.probes[texel], counts)?,
                     sample,
                 ))
             };
-            pilot(worker, map, group[0].0, source, walks, start)
+            pilot(worker, map, group[0].0, source, paths, start)
         })
         .collect()
 }
@@ -128,10 +128,10 @@ fn trace_patches(
     worker: &Worker,
     map: &CacheMap,
     patches: &[Patch],
-    walks: usize,
+    paths: usize,
     half: usize,
 ) -> Vec<TracedEntry> {
-    let direct = (walks / WALKS_A_DIRECT).max(1);
+    let direct = (paths / PATHS_A_DIRECT).max(1);
     let lights = worker.transport.lights;
     let one = |patch: &Patch| {
         let sequence =
@@ -144,7 +144,7 @@ fn trace_patches(
         let mut counts = RayCounts::default();
         let mut source = vec![Rgb::ZERO; lights.layers()];
         for i in 0..direct {
-            let sample = sequence.sample((walks + i) as u32);
+            let sample = sequence.sample((paths + i) as u32);
             let Some(at) = at(sample) else { continue };
             let share = Rgb::splat(1.0 / direct as f32);
             worker.transport.add_direct(&at, share, sample, 0, &mut source, &mut counts);
@@ -153,28 +153,28 @@ fn trace_patches(
             let sample = sequence.sample(i as u32);
             Some((at(sample)?, sample))
         };
-        let mut traced = pilot(worker, map, patch.entry, source, walks, start);
+        let mut traced = pilot(worker, map, patch.entry, source, paths, start);
         traced.counts += counts;
         traced
     };
     patches.par_iter().with_min_len(32).map(one).collect()
 }
 
-/// The walks of one entry, from where `start` puts each; `source` is its direct light.
+/// The paths of one entry, from where `start` puts each; `source` is its direct light.
 fn pilot(
     worker: &Worker,
     map: &CacheMap,
     entry: u32,
     mut source: Vec<Rgb>,
-    walks: usize,
+    paths: usize,
     start: impl Fn(usize, &mut RayCounts) -> Option<(Receiver, Sample)>,
 ) -> TracedEntry {
     let mut counts = RayCounts::default();
-    let (mut landings, mut walked) = (Vec::new(), 0);
+    let (mut landings, mut followed) = (Vec::new(), 0);
     let mut met = vec![Rgb::ZERO; source.len()];
-    for i in 0..walks {
+    for i in 0..paths {
         let Some((at, sample)) = start(i, &mut counts) else { continue };
-        walked += 1;
+        followed += 1;
         let land = |at: &Arrival, _: &mut [Rgb], counts: &mut RayCounts| {
             let entry = map.entry(&worker.transport.space, &at.hit, at.is_back, counts);
             landings.extend(entry.map(|entry| Landing { entry, weight: at.weight.to_array() }));
@@ -182,7 +182,7 @@ fn pilot(
         };
         worker.transport.indirect(&at, sample, land, &mut met, None, &mut counts);
     }
-    let share = if walked > 0 { 1.0 / walked as f32 } else { 0.0 };
+    let share = if followed > 0 { 1.0 / followed as f32 } else { 0.0 };
     source.iter_mut().zip(&met).for_each(|(s, m)| *s += *m * share);
     TracedEntry { entry, source, landings, share, counts }
 }

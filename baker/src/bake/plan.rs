@@ -77,7 +77,7 @@ impl Plan {
         let outside = switches_outside(hours, &scene.groups);
         if !outside.is_empty() {
             left_out.push(format!(
-                "no sets beside the light switches at {}: the hours asked for end before or begin after",
+                "no frames beside the light switches at {}: the hours asked for end before or begin after",
                 outside.iter().map(|&at| hour(at)).collect::<Vec<_>>().join(", ")
             ));
         }

@@ -76,11 +76,11 @@ impl Prepared {
         self.base.to_hex().to_string()
     }
 
-    /// The digest of the work of tracing some layers. A target is judged by sets of denoised light: what
+    /// The digest of the work of tracing some layers. A target is judged by frames of denoised light: what
     /// decides those decides the work too.
     pub fn work(&self, layers: &[usize]) -> String {
         let digests = layers.iter().map(|&l| self.digests[l].as_str()).collect::<String>();
-        let judged = self.limits.target_error.map(|_| format!("{:?}{:?}", self.denoise, self.sets(layers)));
+        let judged = self.limits.target_error.map(|_| format!("{:?}{:?}", self.denoise, self.frames(layers)));
         let work = format!("{}{digests}{}", self.base(), judged.unwrap_or_default());
         blake3::hash(work.as_bytes()).to_hex().to_string()
     }
@@ -152,7 +152,7 @@ impl Prepared {
 
     /// Per moment, which of these layers (ascending) it is made of, by their place among them, and what each
     /// is multiplied by.
-    pub fn sets(&self, layers: &[usize]) -> Vec<Parts> {
+    pub fn frames(&self, layers: &[usize]) -> Vec<Parts> {
         let of_moment = |moment| {
             let parts = self.plan.layers_of(moment).into_iter();
             parts.filter_map(|l| Some((layers.binary_search(&l).ok()?, self.plan.scale_of(l)))).collect()

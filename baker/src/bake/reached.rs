@@ -2,7 +2,7 @@
 
 use super::errors::{Errors, Sums, median};
 use super::local::Local;
-use super::open::Block;
+use super::unconverged::Block;
 use super::rounds::Round;
 use super::state::CELLS;
 use super::tracer::Tracer;
@@ -16,7 +16,7 @@ pub struct Done {
     pub y0: usize,
     /// The texels of each cell that light could reach.
     pub exposed: [u32; CELLS],
-    /// Per set, error and light of each cell.
+    /// Per frame, error and light of each cell.
     pub cells: Vec<[Sums; CELLS]>,
     /// Texels that were given samples.
     pub texels: u32,
@@ -36,19 +36,19 @@ impl Done {
 /// What the blocks reached, all together.
 pub fn summarise(tracer: &Tracer, done: &[Done], samples: u32, seconds: f64) -> Round {
     let atlas = tracer.worker.atlas;
-    let mut errors = Errors::new(atlas.width as usize, atlas.height as usize, tracer.sets.len());
+    let mut errors = Errors::new(atlas.width as usize, atlas.height as usize, tracer.frames.len());
     for block in done {
-        for (set, cells) in block.cells.iter().enumerate() {
+        for (frame, cells) in block.cells.iter().enumerate() {
             let mut all = Sums::default();
             cells.iter().for_each(|c| all.add(c));
-            errors.add(set, block.x0, block.y0, &all);
+            errors.add(frame, block.x0, block.y0, &all);
         }
     }
-    let set_means: Vec<f64> = (0..tracer.sets.len()).map(|s| errors.set(s).mean()).collect();
-    let mut relative = errors.relative(tracer.sets.iter().any(|parts| !parts.is_empty()));
+    let frame_means: Vec<f64> = (0..tracer.frames.len()).map(|s| errors.frame(s).mean()).collect();
+    let mut relative = errors.relative(tracer.frames.iter().any(|parts| !parts.is_empty()));
     relative.sort_by(f64::total_cmp);
     let at = |q: f64| relative.get(((relative.len() as f64 - 1.0) * q) as usize).copied().unwrap_or(0.0);
-    let (local, local_sets) = local(tracer, done);
+    let (local, local_frames) = local(tracer, done);
     let texels: u64 = done.iter().map(|d| u64::from(d.texels)).sum();
     let drawn: u64 = done.iter().map(|d| d.samples).sum();
     Round {
@@ -58,31 +58,31 @@ pub fn summarise(tracer: &Tracer, done: &[Done], samples: u32, seconds: f64) -> 
         median_error: median(&relative),
         p95_error: at(0.95),
         worst_error: at(1.0),
-        set_errors: (0..tracer.sets.len()).map(|s| errors.relative_of_set(s)).collect(),
-        set_means,
+        frame_errors: (0..tracer.frames.len()).map(|s| errors.relative_of_frame(s)).collect(),
+        frame_means,
         local,
-        local_sets,
+        local_frames,
         denoised: None,
-        open_cells: 0,
+        unconverged_cells: 0,
         is_missed: false,
         is_late: false,
     }
 }
 
-/// The local errors of all sets together, and of each.
+/// The local errors of all frames together, and of each.
 fn local(tracer: &Tracer, done: &[Done]) -> (Option<Local>, Vec<Option<Local>>) {
     let grid = tracer.places.grid();
-    let (mut all, mut sets) = (Vec::new(), Vec::new());
-    for set in 0..tracer.sets.len() {
+    let (mut all, mut frames) = (Vec::new(), Vec::new());
+    for frame in 0..tracer.frames.len() {
         let mut cells = vec![Sums::default(); grid.cells()];
         for block in done {
-            for (cell, sums) in block.cells[set].iter().enumerate() {
+            for (cell, sums) in block.cells[frame].iter().enumerate() {
                 cells[grid.of_block(block.x0, block.y0, cell)] = *sums;
             }
         }
         let (errors, local) = tracer.places.judge(&cells);
         all.extend(errors.iter().zip(&cells).map(|(error, sums)| (*error, sums.values / 3)));
-        sets.push(local);
+        frames.push(local);
     }
-    (Local::of(all.into_iter()), sets)
+    (Local::of(all.into_iter()), frames)
 }

@@ -45,7 +45,7 @@ impl Disk {
         let plan = &prepared.plan;
         let n = sketch.texels() as u64;
         let count = layers.len() as u64;
-        // The parts in which layers are kept, and the lights that walks can meet, which have a sum of their
+        // The parts in which layers are kept, and the lights that paths can meet, which have a sum of their
         // own.
         let parts = layers.iter().map(|&layer| plan.parts_of(layer).len() as u64).sum::<u64>();
         let (suns, skies) = (plan.suns.len(), plan.sky_hours.len());
@@ -144,8 +144,8 @@ fn bytes_below(folder: &Path) -> u64 {
 /// the system does not tell.
 pub fn free_bytes(folder: &Path) -> Option<u64> {
     let folder = std::path::absolute(folder).ok()?;
-    let standing = folder.ancestors().find(|path| path.exists())?;
-    dataset::system::free_bytes(standing)
+    let nearest = folder.ancestors().find(|path| path.exists())?;
+    dataset::system::free_bytes(nearest)
 }
 
 /// Such as `1.3 GB`, to two digits.

@@ -13,7 +13,7 @@ pub struct Limits {
     /// Most samples of indirect light per texel, on average over the texels that still get any.
     pub samples: u32,
     /// Local error below which a cell of 16×16 texels gets no more samples; met where 95 % of the texels lie
-    /// in such cells, in every set.
+    /// in such cells, in every frame.
     pub target_error: Option<f64>,
     /// When to stop whatever was reached; the first round is always made.
     pub deadline: Option<Instant>,
@@ -21,7 +21,7 @@ pub struct Limits {
 
 impl Limits {
     /// Whether nobody knows how many rounds there will be: towards a target, or under a time limit.
-    pub fn are_open(&self) -> bool {
+    pub fn have_target(&self) -> bool {
         self.target_error.is_some() || self.deadline.is_some()
     }
 }
@@ -35,28 +35,32 @@ pub struct Round {
     pub mean_samples: f64,
     /// Seconds of tracing up to its end, over all runs of this bake.
     pub seconds: f64,
-    /// Median relative error over (tile, set).
+    /// Median relative error over (tile, frame).
     pub median_error: f64,
     /// 95th percentile.
     pub p95_error: f64,
     /// The largest.
     pub worst_error: f64,
-    /// Relative error of every set over the whole page, of the layers this run traces.
-    pub set_errors: Vec<Option<f64>>,
-    /// Mean light of every set over the whole page, of the layers this run traces.
-    pub set_means: Vec<f64>,
-    /// Local errors over all cells and sets, of the layers this run traces ([`super::local`]); `None` without
+    /// Relative error of every frame over the whole page, of the layers this run traces.
+    #[serde(alias = "set_errors")]
+    pub frame_errors: Vec<Option<f64>>,
+    /// Mean light of every frame over the whole page, of the layers this run traces.
+    #[serde(alias = "set_means")]
+    pub frame_means: Vec<f64>,
+    /// Local errors over all cells and frames, of the layers this run traces ([`super::local`]); `None` without
     /// light.
     #[serde(default)]
     pub local: Option<Local>,
-    /// Those of every set.
+    /// Those of every frame.
     #[serde(default)]
-    pub local_sets: Vec<Option<Local>>,
-    /// Those of all sets after denoising, where the round was judged by them.
+    #[serde(alias = "local_sets")]
+    pub local_frames: Vec<Option<Local>>,
+    /// Those of all frames after denoising, where the round was judged by them.
     #[serde(default)]
     pub denoised: Option<Local>,
     /// Cells that have not reached the target; 0 without one.
-    pub open_cells: usize,
+    #[serde(alias = "open_cells")]
+    pub unconverged_cells: usize,
     /// Whether they are too many for the target to be met.
     #[serde(default)]
     pub is_missed: bool,
@@ -80,7 +84,7 @@ pub struct Traced {
     pub notes: Vec<String>,
     /// Whether the time ran out.
     pub out_of_time: bool,
-    /// Whether the cache did not settle, and walks were traced to their end instead.
+    /// Whether the cache did not settle, and paths were traced to their end instead.
     pub is_unsettled: bool,
     /// The most samples of layers that were kept from earlier bakes, as [`Round::samples`].
     #[serde(default)]
@@ -102,11 +106,11 @@ impl Traced {
         self.notes.extend(new);
     }
 
-    /// Notes that walks go to their end, for the cache did not settle.
+    /// Notes that paths go to their end, for the cache did not settle.
     pub fn without_cache(&mut self, passes: usize) {
         self.is_unsettled = true;
         self.notes.push(format!(
-            "the cache had not settled after {passes} passes (light fades too slowly): walks were traced to their end"
+            "the cache had not settled after {passes} passes (light fades too slowly): paths were traced to their end"
         ));
     }
 }
@@ -118,7 +122,7 @@ const FIRST_ROUND: u32 = 16;
 /// many, and all; towards a target or under a time limit, doublings from 16.
 pub fn schedule(limits: &Limits) -> Vec<u32> {
     let most = limits.samples;
-    if !limits.are_open() {
+    if !limits.have_target() {
         // (Nothing is decided between the first round and the last, and each one moves the sums of all blocks
         // to the disk and back.)
         let mut rounds = doublings(most);
@@ -137,7 +141,7 @@ fn doublings(samples: u32) -> impl Iterator<Item = u32> {
 /// The samples at which a block stops on its way from `before` to `target`, the last of them the target.
 /// (Sums are taken from one to the next: they decide the bytes of a bake, whatever the rounds.)
 pub fn stops(limits: &Limits, before: u32, target: u32) -> Vec<u32> {
-    match limits.are_open() {
+    match limits.have_target() {
         true => vec![target],
         false => doublings(limits.samples).filter(|n| (before + 1..=target).contains(n)).collect(),
     }
@@ -147,7 +151,7 @@ pub fn stops(limits: &Limits, before: u32, target: u32) -> Vec<u32> {
 /// first round.
 pub fn certain(limits: &Limits) -> u32 {
     let schedule = schedule(limits);
-    if limits.are_open() { schedule[0] } else { total_of(&schedule) }
+    if limits.have_target() { schedule[0] } else { total_of(&schedule) }
 }
 
 /// The samples of the last round.
@@ -157,8 +161,8 @@ pub fn total_of(schedule: &[u32]) -> u32 {
 
 /// What a progress bar tells of a round.
 pub fn note(round: &Round, limits: &Limits) -> String {
-    let open = match limits.target_error {
-        Some(_) => format!(", {} of 16×16 texels above the target", count(round.open_cells, "cell")),
+    let unconverged = match limits.target_error {
+        Some(_) => format!(", {} of 16×16 texels above the target", count(round.unconverged_cells, "cell")),
         None => String::new(),
     };
     let told = |local: Local| {
@@ -167,7 +171,7 @@ pub fn note(round: &Round, limits: &Limits) -> String {
     };
     let denoised = round.denoised.map_or(String::new(), |local| format!("; denoised: {}", told(local)));
     let traced = told(round.local.unwrap_or_default());
-    format!("local error: {traced}, at {} samples{denoised}{open}", round.samples)
+    format!("local error: {traced}, at {} samples{denoised}{unconverged}", round.samples)
 }
 
 #[cfg(test)]

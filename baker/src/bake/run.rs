@@ -17,7 +17,7 @@ use super::local::Places;
 use super::room::Disk;
 use super::rounds::{Traced, certain};
 use super::sketch::Sketch;
-use super::standing::{self, ERRORS, RUN};
+use super::existing::{self, ERRORS, RUN};
 use super::state::Kinds;
 use super::target;
 use super::tracer::{Judge, Tracer, Way};
@@ -31,7 +31,7 @@ use crate::light::curves;
 use crate::scene::{Baked, Scene};
 use crate::surface::FaceBins;
 use crate::trace::counts::RayCounts;
-use crate::trace::walk::Transport;
+use crate::trace::path::Transport;
 use crate::{Error, Result};
 use dataset::config::{
     Config, Daylight, FORMAT, FileRef, Group, Instance, Layer, Light, SunVisibility, VERSION,
@@ -60,22 +60,22 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     let out = prepared.out(options);
     let (settings, inputs) = prepared.manifest(options)?;
     let layers = Layers::new(&out);
-    if let Some(outcome) = standing::up_to_date(&out, &inputs, options, start) {
+    if let Some(outcome) = existing::up_to_date(&out, &inputs, options, start) {
         // (Of a run that was killed while it wrote its report.)
         remove_stale_temporaries(&out)?;
         sync_folder_of(&out.join(RUN));
-        standing::keep_cameras(&out, &settings)?;
+        existing::keep_cameras(&out, &settings)?;
         return Ok(outcome);
     }
-    standing::refuse_foreign(&out, scene.objects.iter().map(|object| object.file.as_path()))?;
+    existing::refuse_foreign(&out, scene.objects.iter().map(|object| object.file.as_path()))?;
     folder::create(&out)?;
     let _lock = folder::lock(&out)?;
-    standing::refuse_less(&out, &prepared, options, console)?;
+    existing::refuse_less(&out, &prepared, options, console)?;
     console.say(format!(
         "{}: {}, {}, {}",
         scene.name,
         count(geometry.triangles.len(), "triangle"),
-        count(plan.moments.len(), "set"),
+        count(plan.moments.len(), "frame"),
         count(plan.layers(), "layer")
     ));
 
@@ -167,8 +167,8 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     let valid_texels = stored.valid_texels;
     let local = LocalErrors {
         all: stored.local.0,
-        sets: stored.local.1.clone(),
-        worst_set: stored.worst.as_ref().map(|worst| worst.set),
+        frames: stored.local.1.clone(),
+        worst_frame: stored.worst.as_ref().map(|worst| worst.frame),
         advice: facts::advice(
             scene,
             plan,
@@ -187,9 +187,9 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     let mut config = manifest(&prepared, written.places, &traced, stored, glb, &inputs, settings);
     (config.sun_path, config.visibility) = (sun.path, sun.visibility);
     writer.commit(&config)?;
-    let forgotten = layers.keep_only(&base, digests, &filtered, sun.kept.as_deref());
-    if forgotten > 0 {
-        console.say(format!("no longer kept, as this bake does not use them: {}", count(forgotten, "layer")));
+    let discarded = layers.keep_only(&base, digests, &filtered, sun.kept.as_deref());
+    if discarded > 0 {
+        console.say(format!("no longer kept, as this bake does not use them: {}", count(discarded, "layer")));
     }
 
     folder::end(&out);
@@ -197,13 +197,13 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     let outcome = Outcome {
         scene: scene.name.clone(),
         dataset: out.clone(),
-        scene_file: standing::scene_file_from(&out, &prepared),
+        scene_file: existing::scene_file_from(&out, &prepared),
         inputs,
         up_to_date: false,
         integrator: if traced.is_unsettled { Integrator::Path } else { prepared.integrator },
         size: [atlas.width, atlas.page_height],
         pages: atlas.pages,
-        sets: plan.moments.len(),
+        frames: plan.moments.len(),
         hours: plan.moments.iter().map(|m| m.hour).collect(),
         texels: valid_texels,
         samples: traced.samples().unwrap_or(limits.samples),
@@ -442,8 +442,8 @@ impl Run<'_> {
         let held = chosen.iter().zip(filtered);
         let layers =
             held.map(|(&layer, filtered)| (&digests[layer], plan.held_parts_of(layer), filtered)).collect();
-        let (sets, width) = (self.prepared.sets(chosen), self.atlas.width as usize);
-        Ok(target::Light { folder, layers, sets, texels, valid, places: self.places, width })
+        let (frames, width) = (self.prepared.frames(chosen), self.atlas.width as usize);
+        Ok(target::Light { folder, layers, frames, texels, valid, places: self.places, width })
     }
 
     /// Traces some layers (ascending) and keeps them; if there are none to trace, gives the account of those
@@ -459,7 +459,7 @@ impl Run<'_> {
         }
         let wanted: Vec<String> = chosen.iter().map(|&l| digests[l].clone()).collect();
         let mut warnings = Vec::new();
-        if standing::refuse_unfinished(out, &work, layers)? {
+        if existing::refuse_unfinished(out, &work, layers)? {
             let dropped = "an unfinished bake here was of other settings: its work is dropped (the same command would have gone on)";
             console.warn(dropped);
             warnings.push(dropped.to_owned());
@@ -471,8 +471,8 @@ impl Run<'_> {
             }
             let folder = WorkFolder::open(out, &work, &wanted, Kinds::of(worker.transport.lights))?;
             let cached = prepared.integrator == Integrator::Cached;
-            let sets = prepared.sets(chosen);
-            let tracer = Tracer { worker, sets, places, folder: &folder, cached, layers: plan.layers() };
+            let frames = prepared.frames(chosen);
+            let tracer = Tracer { worker, frames, places, folder: &folder, cached, layers: plan.layers() };
             let (trial, mut more) = (layers.trial(), RayCounts::default());
             let mut judge = |tracer: &Tracer, way: &Way, target: f64| {
                 trial.clear()?;
@@ -509,7 +509,7 @@ fn check_layers(
     let held = |&layer: &usize| assembler.held_at(layer, &places);
     let values = all.iter().map(held).collect::<Result<Vec<_>>>()?;
     with_worker(prepared, atlas, &all, |worker| {
-        check(&worker, chosen, &values, &prepared.sets(&all), samples, console)
+        check(&worker, chosen, &values, &prepared.frames(&all), samples, console)
     })
 }
 

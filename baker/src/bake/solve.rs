@@ -1,9 +1,9 @@
 //! Fills the cache: the irradiance of every layer, all bounces, at every entry.
 //!
-//! Its entries are laid out; a few walks from each (`pilot`) give a source, their own light and the entry's
+//! Its entries are laid out; a few paths from each (`pilot`) give a source, their own light and the entry's
 //! direct light, and the entries they land on; the balance of all of them (`balance`) is the light.
 
-use super::balance::{LEAST_WALKS, ORDINARY_WALKS, Solution, System, walks};
+use super::balance::{LEAST_PATHS, ORDINARY_PATHS, Solution, System, paths_per_entry};
 use super::block::{Worker, sum};
 use super::endless;
 use super::indirect::Cache;
@@ -33,13 +33,13 @@ pub fn shift(covered: usize, layers: usize) -> u32 {
 
 /// Entries that take that much memory: patches are made only as far as there is room for them.
 pub fn most_entries(layers: usize) -> usize {
-    (MEMORY / bytes(1, layers, ORDINARY_WALKS)) as usize
+    (MEMORY / bytes(1, layers, ORDINARY_PATHS)) as usize
 }
 
 /// Memory in bytes that this number of entries takes while they are solved for: both halves, what the passes
-/// hold, and their system with `walks` per entry.
-pub fn bytes(entries: usize, layers: usize, walks: usize) -> u64 {
-    (entries * (5 * CacheHalf::bytes_per_entry(layers) + System::bytes_per_entry(layers, walks))) as u64
+/// hold, and their system with `paths` per entry.
+pub fn bytes(entries: usize, layers: usize, paths: usize) -> u64 {
+    (entries * (5 * CacheHalf::bytes_per_entry(layers) + System::bytes_per_entry(layers, paths))) as u64
 }
 
 /// What is found out about a block before the cache is laid out.
@@ -51,7 +51,7 @@ pub struct Covered {
     counts: RayCounts,
 }
 
-/// Of a block whose texels were probed. Those that reach across a wall stand for one side of it: a walk that
+/// Of a block whose texels were probed. Those that reach across a wall stand for one side of it: a path that
 /// lands on the other must not carry its light through the wall.
 pub fn covered(worker: &Worker, surface: &BlockSurface, probes: &[u16]) -> Covered {
     let place = |texel: usize| surface.page_index(worker.atlas, texel) as u32;
@@ -61,7 +61,7 @@ pub fn covered(worker: &Worker, surface: &BlockSurface, probes: &[u16]) -> Cover
         counts: RayCounts::default(),
     };
     for (texel, &probes) in surface.covered().zip(probes).filter(|(_, o)| **o != ALL_PROBES) {
-        // (What counts as no surface is not solved for: a walk that lands there goes on.)
+        // (What counts as no surface is not solved for: a path that lands there goes on.)
         if !is_exposed(probes) {
             found.split.push((place(texel), Vec::new()));
         } else if worker.is_split(surface, texel, probes, &mut found.counts) {
@@ -95,13 +95,13 @@ pub fn fill<'a>(
     console: &Console,
 ) -> Result<(Cache<'a>, Solution, RayCounts)> {
     let progress = console.progress("first bounces", 2 * blocks.len() as u64);
-    let (walks, mut counts) = (walks(map.entries(), samples), RayCounts::default());
-    let of_patches = if are_all { patch_walks(&map, walks, samples) } else { walks };
+    let (paths, mut counts) = (paths_per_entry(map.entries(), samples), RayCounts::default());
+    let of_patches = if are_all { patch_paths(&map, paths, samples) } else { paths };
     let mut solution = Solution { passes: 0, settled: true };
     let endless = || endless::error(worker.transport.space.geometry);
     let mut solved = |half| -> Result<CacheHalf> {
         let (system, c) =
-            trace(worker, &|block| state(block, half), &map, blocks, (walks, of_patches), half, || {
+            trace(worker, &|block| state(block, half), &map, blocks, (paths, of_patches), half, || {
                 progress.advance(1)
             })?;
         counts += c;
@@ -113,14 +113,14 @@ pub fn fill<'a>(
     Ok((Cache::new(worker, map, halves), solution, counts))
 }
 
-/// Walks per patch and half where a texel gets `samples` walks, both halves together: in a half, all patches
+/// Paths per patch and half where a texel gets `samples` paths, both halves together: in a half, all patches
 /// have no more of them than all squares of the cache have samples in both, but each patch has
-/// [`LEAST_WALKS`], however many there are. (What a city has without texels is mostly small triangles: they
+/// [`LEAST_PATHS`], however many there are. (What a city has without texels is mostly small triangles: they
 /// are many, and none matters much by itself.)
-fn patch_walks(map: &CacheMap, walks: usize, samples: u32) -> usize {
+fn patch_paths(map: &CacheMap, paths: usize, samples: u32) -> usize {
     let reads = map.squares() * samples as usize;
     let worth = reads / map.patches().max(1);
-    1 << worth.clamp(LEAST_WALKS.min(walks), walks).ilog2()
+    1 << worth.clamp(LEAST_PATHS.min(paths), paths).ilog2()
 }
 
 /// Keeps a filled cache beside the work, for a run that continues it.
@@ -157,9 +157,9 @@ mod tests {
         assert_eq!([512, 1500, 2048, 4096, 8192, 16384].map(side), [1, 1, 2, 4, 8, 16]);
         for side in [512, 1500, 2048, 4096, 8192, 16384] {
             let entries = (side * side) >> (2 * shift(side * side, 33));
-            assert!(bytes(entries, 33, ORDINARY_WALKS) <= MEMORY);
+            assert!(bytes(entries, 33, ORDINARY_PATHS) <= MEMORY);
         }
-        assert!(bytes(most_entries(33), 33, ORDINARY_WALKS) <= MEMORY);
+        assert!(bytes(most_entries(33), 33, ORDINARY_PATHS) <= MEMORY);
         assert_eq!(shift(usize::MAX, 33), LARGEST);
     }
 }

@@ -105,7 +105,7 @@ pub struct BlockState {
     pub taken: Vec<[u32; 2]>,
     /// `[texel][half][layer]`: sums of irradiance samples, without what comes straight from sampled lights.
     pub sums: Vec<Rgb>,
-    /// `[texel][half][light that walks can meet]`: sums of what they met of it straight from their start
+    /// `[texel][half][light that paths can meet]`: sums of what they met of it straight from their start
     /// ([`Lights::layers_of_met`]), which is no part of `sums`.
     pub met: Vec<Rgb>,
 }
@@ -117,7 +117,7 @@ pub struct Kinds {
     pub layers: usize,
     /// Lights that are sampled from a point.
     pub sampled: usize,
-    /// Lights that walks can meet, whose light is summed apart.
+    /// Lights that paths can meet, whose light is summed apart.
     pub met: usize,
 }
 
@@ -204,7 +204,7 @@ impl BlockState {
 }
 
 const MAGIC: &[u8; 8] = b"TLMBLK09";
-/// Magic, round, texels, layers, sampled lights, lights that walks can meet, and which arrays follow:
+/// Magic, round, texels, layers, sampled lights, lights that paths can meet, and which arrays follow:
 /// [`PROBED`] and so on.
 const HEADER: usize = 8 + 6 * 4;
 /// Whether texels were probed.

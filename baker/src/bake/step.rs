@@ -1,7 +1,7 @@
 //! One round, as a block sees it: what it goes for, and by what its samples are handed out.
 
 use super::allocate::Pivot;
-use super::open::OpenCells;
+use super::unconverged::UnconvergedCells;
 use super::state::CELLS;
 use crate::surface::BlockSurface;
 use std::time::Instant;
@@ -22,10 +22,10 @@ pub struct Step {
     pub deadline: Option<Instant>,
     /// Whose texels get as many samples as the target says, after the first round.
     pub pivot: Pivot,
-    /// The mean light of every set in the first round, if that is done.
+    /// The mean light of every frame in the first round, if that is done.
     pub first_means: Option<Vec<f64>>,
     /// The cells that miss a target; without one, and in the first round, all get samples.
-    pub open: Option<OpenCells>,
+    pub unconverged: Option<UnconvergedCells>,
 }
 
 impl Step {
@@ -51,7 +51,7 @@ impl Step {
 
     /// The cells of a block that get samples.
     pub fn active(&self, surface: &BlockSurface) -> [bool; CELLS] {
-        self.open.as_ref().map_or([true; CELLS], |open| open.of_block(surface.x0, surface.y0))
+        self.unconverged.as_ref().map_or([true; CELLS], |unconverged| unconverged.of_block(surface.x0, surface.y0))
     }
 
     /// Whether the time of the round is over.
@@ -70,7 +70,7 @@ mod tests {
             let pivot = Pivot::OfCell;
             let stops = vec![target];
             let step =
-                Step { round: 2, before, target, stops, deadline, pivot, first_means: None, open: None };
+                Step { round: 2, before, target, stops, deadline, pivot, first_means: None, unconverged: None };
             step.slices().collect::<Vec<u32>>()
         };
         assert_eq!(slices(1 << 15, 1 << 16, None), [1 << 16]);

@@ -4,18 +4,18 @@
 use super::errors::{Parts, Sums};
 use super::layers::{FilteredLayer, Layers, Part, Texel};
 use super::local::{Local, Pieces, Places};
-use super::open::OpenCells;
+use super::unconverged::UnconvergedCells;
 use super::value::Value;
 use crate::Result;
 
-/// Some layers of a page, and the sets that are made of them.
+/// Some layers of a page, and the frames that are made of them.
 pub struct Light<'a> {
     /// Where they are kept.
     pub folder: &'a Layers,
     /// Per layer its digest, the parts that lightmaps hold, and what a filter left of it.
     pub layers: Vec<(&'a String, &'static [Part], Option<FilteredLayer>)>,
-    /// Per set, which of them.
-    pub sets: Vec<Parts>,
+    /// Per frame, which of them.
+    pub frames: Vec<Parts>,
     /// The covered texels.
     pub texels: &'a [Texel],
     /// Which of them are valid.
@@ -28,17 +28,17 @@ pub struct Light<'a> {
 
 /// What came of judging light.
 pub struct Judged {
-    /// The cells that miss the target in some set.
-    pub open: OpenCells,
-    /// Local errors of all sets together; `None` without light.
+    /// The cells that miss the target in some frame.
+    pub unconverged: UnconvergedCells,
+    /// Local errors of all frames together; `None` without light.
     pub local: Option<Local>,
 }
 
 impl Light<'_> {
-    /// Error and light of a set, cell by cell.
-    fn cells(&self, set: usize) -> Result<Vec<Sums>> {
+    /// Error and light of a frame, cell by cell.
+    fn cells(&self, frame: usize) -> Result<Vec<Sums>> {
         let mut sum = vec![Value::default(); self.texels.len()];
-        for &(layer, scale) in &self.sets[set] {
+        for &(layer, scale) in &self.frames[frame] {
             let (digest, parts, filtered) = &self.layers[layer];
             let mut add = |i: usize, value: Value| sum[i] = sum[i].plus(value.times(scale));
             for &part in *parts {
@@ -65,24 +65,24 @@ impl Light<'_> {
         exposed
     }
 
-    /// Whether a set misses the target.
-    pub fn is_missed(&self, set: usize, target: f64) -> Result<bool> {
-        let mut open = OpenCells::none(self.places.grid());
-        open.judge(self.places, target, &self.cells(set)?, &self.exposed());
-        Ok(!open.is_met())
+    /// Whether a frame misses the target.
+    pub fn is_missed(&self, frame: usize, target: f64) -> Result<bool> {
+        let mut unconverged = UnconvergedCells::none(self.places.grid());
+        unconverged.judge(self.places, target, &self.cells(frame)?, &self.exposed());
+        Ok(!unconverged.is_met())
     }
 
-    /// All sets against the target.
+    /// All frames against the target.
     pub fn judge(&self, target: f64) -> Result<Judged> {
         let exposed = self.exposed();
-        let mut open = OpenCells::none(self.places.grid());
+        let mut unconverged = UnconvergedCells::none(self.places.grid());
         let mut errors = Vec::new();
-        for set in 0..self.sets.len() {
-            let cells = self.cells(set)?;
-            open.judge(self.places, target, &cells, &exposed);
+        for frame in 0..self.frames.len() {
+            let cells = self.cells(frame)?;
+            unconverged.judge(self.places, target, &cells, &exposed);
             let of_cells = self.places.errors(&cells);
             errors.extend(of_cells.into_iter().zip(&cells).map(|(error, sums)| (error, sums.values / 3)));
         }
-        Ok(Judged { open, local: Local::of(errors.into_iter()) })
+        Ok(Judged { unconverged, local: Local::of(errors.into_iter()) })
     }
 }

@@ -11,7 +11,7 @@ use super::endless;
 use super::errors::{Parts, cell_of};
 use super::indirect::Cache;
 use super::local::{Places, of_block};
-use super::open::OpenCells;
+use super::unconverged::UnconvergedCells;
 use super::reached::{Done, summarise};
 use super::rounds::{Limits, Round, Traced, note, schedule, stops};
 use super::solve::{self, Covered};
@@ -31,13 +31,13 @@ use std::time::Instant;
 pub struct Tracer<'a> {
     /// Light, geometry and texels.
     pub worker: Worker<'a>,
-    /// Per set, the layers being traced that it is made of.
-    pub sets: Vec<Parts>,
+    /// Per frame, the layers being traced that it is made of.
+    pub frames: Vec<Parts>,
     /// Where its cells are.
     pub places: &'a Places,
     /// Work so far.
     pub folder: &'a WorkFolder,
-    /// Whether walks end in the cache.
+    /// Whether paths end in the cache.
     pub cached: bool,
     /// Layers of the whole bake, traced now or not.
     pub layers: usize,
@@ -50,7 +50,7 @@ pub struct Way<'t> {
     /// The samples whose direct light was drawn before the rounds, to solve the cache from.
     certain: Option<u32>,
     /// Whether more samples than those may come.
-    is_open: bool,
+    has_target: bool,
     cache: Option<Cache<'t>>,
     /// The rounds that every block was brought through.
     steps: Vec<Step>,
@@ -141,7 +141,7 @@ impl Tracer<'_> {
         let start = Instant::now();
         // Towards a target or a time limit nobody knows how many rounds there will be: each has a bar of its
         // own.
-        let is_open = limits.are_open();
+        let has_target = limits.have_target();
         let certain = self.worker.certain;
         let Some(begun) = self.before_rounds(&blocks, traced.resumed as u32, whole as u32, console)? else {
             return Ok(None);
@@ -150,7 +150,7 @@ impl Tracer<'_> {
         let mut way = Way {
             direct_means: begun.direct_means,
             certain: None,
-            is_open,
+            has_target,
             cache: None,
             steps: Vec::new(),
             again: AtomicUsize::new(0),
@@ -198,7 +198,7 @@ impl Tracer<'_> {
                 traced.out_of_time = true;
                 break;
             }
-            if is_open && round > 0 {
+            if has_target && round > 0 {
                 progress = console.progress(&format!("round of {target} samples"), work(target - previous));
                 if let Some(last) = traced.rounds.last() {
                     progress.note(&note(last, limits));
@@ -232,19 +232,19 @@ impl Tracer<'_> {
                 way.steps.push(Step { deadline: None, ..step });
             }
             if let Some(target) = limits.target_error {
-                let mut open =
-                    OpenCells::find(self.places, target, self.sets.len(), done.iter().map(Done::cells));
+                let mut unconverged =
+                    UnconvergedCells::find(self.places, target, self.frames.len(), done.iter().map(Done::cells));
                 if let Some(judge) = judge
-                    && is_worth_denoising(&open, &reached, target)
+                    && is_worth_denoising(&unconverged, &reached, target)
                 {
                     drop(progress);
                     let judged = judge(self, &way, target)?;
                     progress = console.progress("denoised", 1);
                     progress.advance(1);
-                    (open, reached.denoised) = (judged.open, judged.local);
+                    (unconverged, reached.denoised) = (judged.unconverged, judged.local);
                 }
-                (reached.open_cells, reached.is_missed) = (open.count(), !open.is_met());
-                self.folder.write_sealed(&open_name(number), &[&open.bytes()])?;
+                (reached.unconverged_cells, reached.is_missed) = (unconverged.count(), !unconverged.is_met());
+                self.folder.write_sealed(&unconverged_name(number), &[&unconverged.bytes()])?;
             }
             progress.note(&note(&reached, limits));
             traced.out_of_time = reached.is_late;
@@ -279,13 +279,13 @@ impl Tracer<'_> {
                 Some(kept) => Pivot::OfPage(kept),
                 // Decided by the first round's samples: later there are others.
                 None if is_beyond_first => return Ok(None),
-                None => Pivot::OfPage(self.pivot(blocks, &first.set_means, console)?),
+                None => Pivot::OfPage(self.pivot(blocks, &first.frame_means, console)?),
             },
             _ => Pivot::OfCell,
         };
-        let open = match is_aimed && finished > 0 {
-            true => match self.open_after(finished)? {
-                Some(open) => Some(open),
+        let unconverged = match is_aimed && finished > 0 {
+            true => match self.unconverged_after(finished)? {
+                Some(unconverged) => Some(unconverged),
                 None => return Ok(None),
             },
             false => None,
@@ -297,15 +297,15 @@ impl Tracer<'_> {
             stops: stops(limits, before, target),
             deadline: limits.deadline.filter(|_| finished > 0),
             pivot,
-            first_means: first.map(|first| first.set_means.clone()),
-            open,
+            first_means: first.map(|first| first.frame_means.clone()),
+            unconverged,
         }))
     }
 
-    /// The cells that were open after a round; `None` where that is not known.
-    fn open_after(&self, round: u32) -> Result<Option<OpenCells>> {
-        let bytes = self.folder.read_sealed(&open_name(round))?;
-        Ok(bytes.and_then(|bytes| OpenCells::from_bytes(self.places.grid(), &bytes)))
+    /// The cells that were unconverged after a round; `None` where that is not known.
+    fn unconverged_after(&self, round: u32) -> Result<Option<UnconvergedCells>> {
+        let bytes = self.folder.read_sealed(&unconverged_name(round))?;
+        Ok(bytes.and_then(|bytes| UnconvergedCells::from_bytes(self.places.grid(), &bytes)))
     }
 
     /// What comes before the rounds: which points are a texel's surface, the trial samples of its direct
@@ -413,7 +413,7 @@ impl Tracer<'_> {
             )),
         };
         let (cache, solution, counts) =
-            solve::fill(&self.worker, &refined, map, blocks, (samples, !way.is_open), console)?;
+            solve::fill(&self.worker, &refined, map, blocks, (samples, !way.has_target), console)?;
         traced.rays += counts;
         if !solution.settled {
             self.folder.write(UNSETTLED, &solution.passes)?;
@@ -459,7 +459,7 @@ impl Tracer<'_> {
         let progress = console.progress("tracing again", lost.len() as u64);
         let of_block = |&block: &usize| {
             let mut rays = RayCounts::default();
-            self.standing(block, &self.worker.surface(block), way, &mut rays)?;
+            self.block_state(block, &self.worker.surface(block), way, &mut rays)?;
             progress.advance(1);
             Ok(rays)
         };
@@ -469,7 +469,7 @@ impl Tracer<'_> {
     }
 
     /// A block as the steps of the way left it. One that is missing, damaged, or behind them is traced again.
-    pub fn standing(
+    pub fn block_state(
         &self,
         block: usize,
         surface: &BlockSurface,
@@ -542,7 +542,7 @@ impl Tracer<'_> {
         late: &AtomicBool,
     ) -> Result<Done> {
         let mut rays = RayCounts::default();
-        let mut state = self.standing(block, surface, way, &mut rays)?;
+        let mut state = self.block_state(block, surface, way, &mut rays)?;
         // (A block without samples to get is left as it is: it need not be written.)
         if state.round < step.round && step.concerns(surface) {
             if step.is_late() {
@@ -555,7 +555,7 @@ impl Tracer<'_> {
                 self.folder.write_block(block, &state)?;
             }
         }
-        let cells = of_block(&self.sets, self.worker.transport.lights, surface, &state, self.places);
+        let cells = of_block(&self.frames, self.worker.transport.lights, surface, &state, self.places);
         let mut exposed = [0; CELLS];
         let places = surface.covered().enumerate().filter(|&(texel, _)| state.is_exposed(texel));
         places.for_each(|(_, place)| exposed[cell_of(surface, place)] += 1);
@@ -567,7 +567,7 @@ impl Tracer<'_> {
 
     /// How much samples differ, by the first round; `means` are its.
     fn classes(&self, surface: &BlockSurface, state: &BlockState, means: &[f64]) -> Vec<Class> {
-        classes(&distinct(&self.sets, means), self.worker.transport.lights, surface, state)
+        classes(&distinct(&self.frames, means), self.worker.transport.lights, surface, state)
     }
 
     /// The class of deviation whose texels get the mean number of samples, from what the first round left.
@@ -607,14 +607,14 @@ impl Way<'_> {
 }
 
 /// Whether light may meet a target after denoising.
-fn is_worth_denoising(open: &OpenCells, reached: &Round, target: f64) -> bool {
+fn is_worth_denoising(unconverged: &UnconvergedCells, reached: &Round, target: f64) -> bool {
     /// Hardly ever does the error that 95 % of the texels keep below fall by more.
     const FALLS: f64 = 4.0;
-    let worst = reached.local_sets.iter().flatten().map(|local| local.p95).fold(0.0, f64::max);
-    !open.is_dark && worst <= FALLS * target
+    let worst = reached.local_frames.iter().flatten().map(|local| local.p95).fold(0.0, f64::max);
+    !unconverged.is_dark && worst <= FALLS * target
 }
 
-/// The name under which the open cells of a round are kept, for a run that continues after it.
-fn open_name(round: u32) -> String {
-    format!("open-{round}.bin")
+/// The name under which the unconverged cells of a round are kept, for a run that continues after it.
+fn unconverged_name(round: u32) -> String {
+    format!("unconverged-{round}.bin")
 }

@@ -11,7 +11,7 @@
 //! | [`CACHE`] | the solved cache, both halves | before the rounds |
 //! | [`UNSETTLED`] | the passes after which the cache had not settled | in its place |
 //! | [`PIVOT`] | the class of deviation that gets the mean number of samples | after the first round |
-//! | `open-R.bin` | the cells that go on towards a target after round R | after each round |
+//! | `unconverged-R.bin` | the cells that go on towards a target after round R | after each round |
 //! | [`ROUNDS`] | what each round reached | after each round |
 //!
 //! Whatever later work is decided by is kept, and read by a run that continues: it finds more samples than

@@ -27,7 +27,7 @@ pub struct Emitter {
 
 /// The emissive triangles of a light group that are worth sampling.
 ///
-/// Left to the walks that meet them: cut-outs (a sampled point may lie in a hole) and triangles without area
+/// Left to the paths that meet them: cut-outs (a sampled point may lie in a hole) and triangles without area
 /// or light.
 pub fn emitters(geometry: &Geometry, group: u32) -> Vec<Emitter> {
     let mut found = Vec::new();
@@ -89,7 +89,7 @@ impl Emitter {
         let cross = (b - a).cross(c - a);
         let twice_area = cross.length();
         let height = -a.dot(cross) / twice_area;
-        // (So close to its plane the map has no digits left: nothing is sampled, and walks that meet it count
+        // (So close to its plane the map has no digits left: nothing is sampled, and paths that meet it count
         // in full.)
         if height * height <= TOUCHING * TOUCHING * twice_area {
             return None;

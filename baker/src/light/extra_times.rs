@@ -63,13 +63,13 @@ impl ExtraTimes {
         let (before, after) = (self.error_before?, self.error_after?);
         if self.added.is_empty() && before <= BOUND {
             return Some(format!(
-                "no extra times: light of sky and sun interpolated linearly between the sets errs by {} at most",
+                "no extra times: light of sky and sun interpolated linearly between the frames errs by {} at most",
                 percent(before)
             ));
         }
         (after > BOUND).then(|| {
             format!(
-                "no more than {} (--extra-times): light of sky and sun interpolated linearly between the sets errs by up to {}",
+                "no more than {} (--extra-times): light of sky and sun interpolated linearly between the frames errs by up to {}",
                 dataset::console::count(self.added.len(), "extra time"),
                 percent(after)
             )

@@ -1,4 +1,4 @@
-//! Where sky light is worth looking for beyond the cosine of the walk: through portals, and at the bright
+//! Where sky light is worth looking for beyond the cosine of the path: through portals, and at the bright
 //! parts of a picture.
 //!
 //! A guide only proposes directions; with the balance heuristic of its density and the cosine's, no light is

@@ -63,8 +63,8 @@ pub struct LampSample {
     /// Unoccluded irradiance estimate L·cosθ ÷ pdf at the receiver, for the receiver's normal; zero: no ray
     /// is needed.
     pub irradiance: Rgb,
-    /// For a surface of the scene that emits, which a walk may meet too: its triangle, and the density over
-    /// solid angle of this direction, the choice among emitters included. `None` for a lamp, which no walk
+    /// For a surface of the scene that emits, which a path may meet too: its triangle, and the density over
+    /// solid angle of this direction, the choice among emitters included. `None` for a lamp, which no path
     /// meets.
     pub emitter: Option<(u32, f32)>,
 }

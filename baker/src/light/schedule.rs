@@ -161,7 +161,7 @@ fn is_within(hours: &Hours, requested: &[i64], instant: i64) -> bool {
 }
 
 /// The switches, in hours, that lie before the first or after the last of the hours, ascending: they get no
-/// sets beside them.
+/// frames beside them.
 pub fn switches_outside(hours: &Hours, groups: &[Group]) -> Vec<f64> {
     let requested: Vec<i64> = sorted(hours.list.iter().map(|&h| micro(h).rem_euclid(DAY)).collect());
     let switches = sorted(baked(groups).flat_map(|g| switches_of(&g.on)).collect());
@@ -170,9 +170,9 @@ pub fn switches_outside(hours: &Hours, groups: &[Group]) -> Vec<f64> {
 
 /// The hours and the extras that show both sides of every switch, ascending.
 ///
-/// A side of a switch is shown when a set stands strictly on it, no farther away than an extra would stand
+/// A side of a switch is shown when a frame stands strictly on it, no farther away than an extra would stand
 /// (0.1 h, or half the gap to the neighbouring switch of any group if that is less): a requested 18.05 shows
-/// what 18.1 would. A set at the very instant shows the side on which the group is off. Where several groups
+/// what 18.1 would. A frame at the very instant shows the side on which the group is off. Where several groups
 /// switch at once, the sides each of them lacks are added together. An extra for which less than two
 /// micro-hours are left is dropped.
 pub fn moments(hours: &Hours, groups: &[Group]) -> Vec<Moment> {
@@ -188,7 +188,7 @@ pub fn moments(hours: &Hours, groups: &[Group]) -> Vec<Moment> {
         let previous = switches[(i + switches.len() - 1) % switches.len()];
         let next = switches[(i + 1) % switches.len()];
         for side in [-1, 1] {
-            // A set at the instant shows every group off: the side is lacking only for groups that are lit
+            // A frame at the instant shows every group off: the side is lacking only for groups that are lit
             // there.
             let lacking = baked(groups).any(|group| {
                 let (before, after) = (lit_before(&group.on, instant), lit_after(&group.on, instant));
@@ -199,9 +199,9 @@ pub fn moments(hours: &Hours, groups: &[Group]) -> Vec<Moment> {
             // (The middle of an odd gap is one moment, seen from either end.)
             let half = if side < 0 && gap > 1 { gap - gap / 2 } else { gap / 2 };
             let reach = REACH.min(half);
-            // Distance from the instant to a set, going to this side.
-            let shown = requested.iter().any(|&set| {
-                let away = (side * (set - instant)).rem_euclid(DAY);
+            // Distance from the instant to a frame, going to this side.
+            let shown = requested.iter().any(|&frame| {
+                let away = (side * (frame - instant)).rem_euclid(DAY);
                 0 < away && away <= reach
             });
             if lacking && !shown && reach > 0 {

@@ -8,7 +8,7 @@ fn group(on: &[[f64; 2]]) -> Group {
     Group { name: "lamp".into(), on: on.to_vec(), lamps: Vec::new(), baked: Baked::All }
 }
 
-/// Hours of the extras for whole-hour sets over a whole day.
+/// Hours of the extras for whole-hour frames over a whole day.
 fn extras(groups: &[Group]) -> Vec<f64> {
     extras_of("0..24", groups)
 }
@@ -177,7 +177,7 @@ impl Random {
     }
 }
 
-/// Brute force: for every switch and side, the sets that stand there and near enough.
+/// Brute force: for every switch and side, the frames that stand there and near enough.
 #[test]
 fn random_schedules_show_every_side_and_nothing_else() {
     let mut random = Random(7);

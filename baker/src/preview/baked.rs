@@ -15,12 +15,12 @@ pub struct Baked {
 }
 
 impl Baked {
-    /// Reads the sets of a moment and sums them.
+    /// Reads the frames of a moment and sums them.
     pub fn read(dataset: &Dataset, moment: &Moment, places: Places) -> Result<Self> {
         let sum = |page: usize| -> Result<Image> {
             let mut sum: Option<Image> = None;
-            for &(set, weight) in &moment.parts {
-                let map = dataset.map(set, page)?;
+            for &(frame, weight) in &moment.parts {
+                let map = dataset.map(frame, page)?;
                 let sum = sum.get_or_insert_with(|| Image::black(map.width, map.height));
                 let values = sum.texels.as_flattened_mut().iter_mut().zip(map.texels.as_flattened());
                 values.for_each(|(sum, value)| *sum += weight * value);

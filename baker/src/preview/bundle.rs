@@ -73,7 +73,7 @@ impl Compressed {
         const FAR: f64 = 12.0;
         let (path, timeline) = (self.path.display(), &self.decoder.bundle().header.timeline);
         let moment = timeline.at(hour);
-        let [from, to] = [moment.a, moment.b].map(|set| timeline.hours[set]);
+        let [from, to] = [moment.a, moment.b].map(|frame| timeline.hours[frame]);
         let mut doubts = Vec::new();
         if self.info["inputs"].as_str().is_some_and(|inputs| inputs != config.digest_of_light()) {
             doubts.push(format!(
@@ -88,13 +88,13 @@ impl Compressed {
         }
         if moves && from != to && (to - from).rem_euclid(24.0) > FAR {
             doubts.push(format!(
-                "{hour:.2} h is far from all sets of {path}, between those of {from:.2} h and {to:.2} h: the picture shows a mix of these"
+                "{hour:.2} h is far from all frames of {path}, between those of {from:.2} h and {to:.2} h: the picture shows a mix of these"
             ));
         }
         if !timeline.shows(hour) {
-            let set = timeline.hours[moment.a];
+            let frame = timeline.hours[moment.a];
             doubts.push(format!(
-                "no set of {path} has the lamps as they are at {hour:.2} h: the picture shows the light of {set:.2} h"
+                "no frame of {path} has the lamps as they are at {hour:.2} h: the picture shows the light of {frame:.2} h"
             ));
         }
         doubts

@@ -1,4 +1,4 @@
-//! What shines at a moment: the layers that its sets are made of, each with its share.
+//! What shines at a moment: the layers that its frames are made of, each with its share.
 
 use crate::Rgb;
 use crate::bake::plan::Plan;

@@ -1,12 +1,12 @@
-//! Which sets of a dataset show an hour.
+//! Which frames of a dataset show an hour.
 
 use crate::light::schedule::is_on;
 use dataset::config::Config;
 
-/// The sets that show an hour, each with its weight.
+/// The frames that show an hour, each with its weight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Moment {
-    /// Indices of sets; the weights sum to 1.
+    /// Indices of frames; the weights sum to 1.
     pub parts: Vec<(usize, f32)>,
     /// What was chosen, in words.
     pub note: String,
@@ -15,30 +15,30 @@ pub struct Moment {
 }
 
 impl Moment {
-    /// The set of this hour; else its two neighbours on the circle of the day, linearly, or, where groups
-    /// switch between them, the one whose groups are as they are then; else the nearest set of all that has
+    /// The frame of this hour; else its two neighbours on the circle of the day, linearly, or, where groups
+    /// switch between them, the one whose groups are as they are then; else the nearest frame of all that has
     /// them so (as a bundle decodes).
     pub fn new(config: &Config, hour: f64) -> Self {
         /// Two times of day nearer than this are one, in hours.
         const SAME: f64 = 1e-6;
-        let sets = &config.frames;
-        let name = |set: usize| format!("{:.2} h", sets[set].hour);
-        let whole = |set: usize, note: String, is_doubtful: bool| Moment {
-            parts: vec![(set, 1.0)],
+        let frames = &config.frames;
+        let name = |frame: usize| format!("{:.2} h", frames[frame].hour);
+        let whole = |frame: usize, note: String, is_doubtful: bool| Moment {
+            parts: vec![(frame, 1.0)],
             note,
             is_doubtful,
         };
-        if let Some(set) = sets.iter().position(|set| (set.hour - hour).abs() < SAME) {
-            return whole(set, format!("the set of {}", name(set)), false);
+        if let Some(frame) = frames.iter().position(|frame| (frame.hour - hour).abs() < SAME) {
+            return whole(frame, format!("the frame of {}", name(frame)), false);
         }
-        let after = sets.iter().position(|set| set.hour > hour).unwrap_or(0);
-        let before = (after + sets.len() - 1) % sets.len();
+        let after = frames.iter().position(|frame| frame.hour > hour).unwrap_or(0);
+        let before = (after + frames.len() - 1) % frames.len();
         let on: Vec<bool> = config.groups.iter().map(|group| is_on(&group.on, hour)).collect();
-        let fits = |set: usize| sets[set].groups_on == on;
+        let fits = |frame: usize| frames[frame].groups_on == on;
         let (since, until) =
-            ((hour - sets[before].hour).rem_euclid(24.0), (sets[after].hour - hour).rem_euclid(24.0));
+            ((hour - frames[before].hour).rem_euclid(24.0), (frames[after].hour - hour).rem_euclid(24.0));
         if before == after {
-            let note = format!("the set of {}, the only one", name(before));
+            let note = format!("the frame of {}, the only one", name(before));
             return whole(before, note, !fits(before));
         }
         match (fits(before), fits(after)) {
@@ -46,27 +46,27 @@ impl Moment {
                 let weight = (since / (since + until)) as f32;
                 Moment {
                     parts: vec![(before, 1.0 - weight), (after, weight)],
-                    note: format!("linear between the sets of {} and {}", name(before), name(after)),
+                    note: format!("linear between the frames of {} and {}", name(before), name(after)),
                     is_doubtful: false,
                 }
             }
             (true, false) => {
-                whole(before, format!("the set of {}: lamps switch before the next", name(before)), false)
+                whole(before, format!("the frame of {}: lamps switch before the next", name(before)), false)
             }
             (false, true) => {
-                whole(after, format!("the set of {}: lamps switch after the one before", name(after)), false)
+                whole(after, format!("the frame of {}: lamps switch after the one before", name(after)), false)
             }
             (false, false) => {
-                let away = |set: usize| {
-                    let apart = (sets[set].hour - hour).abs();
+                let away = |frame: usize| {
+                    let apart = (frames[frame].hour - hour).abs();
                     apart.min(24.0 - apart)
                 };
                 // Those that fit first, then by distance.
                 let order = |&a: &usize, &b: &usize| fits(b).cmp(&fits(a)).then(away(a).total_cmp(&away(b)));
-                let nearest = (0..sets.len()).min_by(order).unwrap_or(before);
-                let whose = if fits(nearest) { "no neighbour has" } else { "no set has" };
+                let nearest = (0..frames.len()).min_by(order).unwrap_or(before);
+                let whose = if fits(nearest) { "no neighbour has" } else { "no frame has" };
                 let note =
-                    format!("the set of {}, the nearest: {whose} the lamps as they are then", name(nearest));
+                    format!("the frame of {}, the nearest: {whose} the lamps as they are then", name(nearest));
                 whole(nearest, note, true)
             }
         }
@@ -74,15 +74,15 @@ impl Moment {
 }
 
 impl Moment {
-    /// A warning where all of its sets are hours away from what is asked for, and their light may be quite
+    /// A warning where all of its frames are hours away from what is asked for, and their light may be quite
     /// another; it says which hours there are.
     pub fn far(&self, config: &Config, hour: f64) -> Option<String> {
         /// As much of a day is interpolated without a word, in hours.
         const NEAR: f64 = 2.0;
         /// Hours that are listed.
         const MOST: usize = 30;
-        let apart = |set: &(usize, f32)| {
-            let apart = (config.frames[set.0].hour - hour).abs();
+        let apart = |frame: &(usize, f32)| {
+            let apart = (config.frames[frame.0].hour - hour).abs();
             apart.min(24.0 - apart)
         };
         let nearest = self.parts.iter().map(apart).fold(f64::INFINITY, f64::min);
@@ -112,15 +112,15 @@ mod tests {
     use super::*;
     use serde_json::json;
 
-    /// A dataset of these hours with one group; it is lit at the sets as told.
-    fn config(on: [f64; 2], sets: &[(f64, bool)]) -> Config {
+    /// A dataset of these hours with one group; it is lit at the frames as told.
+    fn config(on: [f64; 2], frames: &[(f64, bool)]) -> Config {
         let file = json!({ "path": "data/a.exr", "bytes": 1, "blake3": "" });
-        let set = |&(hour, on): &(f64, bool)| json!({ "hour": hour, "groups_on": [on], "relative_error": null, "maps": [file] });
+        let frame = |&(hour, on): &(f64, bool)| json!({ "hour": hour, "groups_on": [on], "relative_error": null, "maps": [file] });
         serde_json::from_value(json!({
             "format": "temporal-lightmaps", "version": 2, "scene": "s", "generator": "", "unit": "", "seed": 1, "inputs": "",
             "samples": 1, "pages": [], "sun": null, "sky": null,
             "groups": [{ "name": "lamp", "on": [on], "baked": "all" }], "layers": [],
-            "frames": sets.iter().map(set).collect::<Vec<_>>(), "noise": null, "geometry": null, "instances": [], "settings": null,
+            "frames": frames.iter().map(frame).collect::<Vec<_>>(), "noise": null, "geometry": null, "instances": [], "settings": null,
         }))
         .unwrap()
     }
@@ -136,7 +136,7 @@ mod tests {
         assert_eq!(parts(18.0), [(2, 1.0)]);
         assert_eq!(parts(18.01), [(3, 1.0)]);
         assert_eq!(parts(17.9), [(1, 1.0 - 5.9f32 / 6.0), (2, 5.9 / 6.0)]);
-        // Out at 23: before it the set of 22, after it that of 6.
+        // Out at 23: before it the frame of 22, after it that of 6.
         assert_eq!(parts(22.9), [(4, 1.0)]);
         assert_eq!(parts(23.5), [(0, 1.0)]);
         assert!(!Moment::new(&config, 23.5).is_doubtful);
@@ -165,10 +165,10 @@ mod tests {
     fn across_midnight_and_where_nothing_fits() {
         let off = config([1.0, 2.0], &[(6.0, false), (22.0, false)]);
         assert_eq!(Moment::new(&off, 0.0).parts, [(1, 0.75), (0, 0.25)]);
-        // Lit at 1:30, when no set shows it.
+        // Lit at 1:30, when no frame shows it.
         let lit = Moment::new(&off, 1.5);
         assert!(lit.is_doubtful && lit.parts == [(1, 1.0)] && lit.note.contains("nearest"), "{lit:?}");
-        // Neither neighbour shows it, but another set does.
+        // Neither neighbour shows it, but another frame does.
         let far = config([1.0, 20.0], &[(2.0, true), (6.0, false), (12.0, false), (18.0, true)]);
         let other = Moment::new(&far, 9.5);
         assert!(

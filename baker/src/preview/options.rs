@@ -8,7 +8,7 @@ use std::path::PathBuf;
 /// What to show, how, and where to.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Options {
-    /// The hour, such as 18.5 or 18:30: where no set is of this hour, light goes linearly from the set before
+    /// The hour, such as 18.5 or 18:30: where no frame is of this hour, light goes linearly from the frame before
     /// to the one after, or, where lamps switch between them, is that of the one whose lamps are as they are
     /// at this hour. A bundle has light at every hour.
     #[arg(long, value_name = "HOUR", value_parser = dataset::typed::hour)]
@@ -81,13 +81,13 @@ Examples:
 
 Surfaces with texels show the baked irradiance, filtered bilinearly, times their albedo ÷ π; texture and cut-outs count. Surfaces
 without texels (lightmap = false, and the backs of two-sided ones) have no baked light. Theirs is estimated at every sample, by
-shadow rays to sun and lamps, and by walks that end where they read baked light or meet the sky: it is noisier (less with more
+shadow rays to sun and lamps, and by paths that end where they read baked light or meet the sky: it is noisier (less with more
 --samples), and is no part of the dataset. The backs of one-sided surfaces are not drawn. Lamps and the sun's disc are invisible;
 emissive surfaces and the sky are not. A computed sky is black below the horizon.
 
 Tone curve, per channel: linear up to 0.7, from there 1 - 0.3 exp(-(x - 0.7) / 0.3), then sRGB in 8 bits.
 
-With --json, one object on stdout: scene, dataset, bundle (null without one), image, hour, sets (hour, weight; none of a bundle), camera (name, position, look_at, fov), size,
+With --json, one object on stdout: scene, dataset, bundle (null without one), image, hour, frames (hour, weight; none of a bundle), camera (name, position, look_at, fov), size,
 samples, exposure, seconds, warnings.";
 
 /// `x,y,z`.

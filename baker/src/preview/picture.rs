@@ -4,7 +4,7 @@ use super::shade::Shader;
 use crate::light::luminance;
 use crate::trace::lens::Lens;
 use crate::trace::sampler::{Kind, Sequence};
-use crate::trace::walk::point_pair;
+use crate::trace::path::point_pair;
 use crate::{Result, Rgb};
 use dataset::console::{Console, stop_if_interrupted};
 use dataset::tone::{self, automatic_exposure};
@@ -33,11 +33,11 @@ impl Picture {
         let progress = console.progress("drawing", height.into());
         let pixel = |x: u32, y: u32| {
             let of = |stream| Sequence::new(seed, Kind::Pixel, y * width + x, stream);
-            let (places, walks) = (of(0), of(1));
+            let (places, paths) = (of(0), of(1));
             let (mut sum, mut met) = (Rgb::ZERO, 0);
             for i in 0..samples {
                 let place = Vec2::new(x as f32, y as f32) + point_pair(places.sample(i));
-                let (radiance, is_surface) = shader.radiance(lens.origin, lens.direction(place), walks, i);
+                let (radiance, is_surface) = shader.radiance(lens.origin, lens.direction(place), paths, i);
                 sum += radiance;
                 met += u32::from(is_surface);
             }

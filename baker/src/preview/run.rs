@@ -8,15 +8,15 @@ use super::options::Options;
 use super::picture::Picture;
 use super::places::Places;
 use super::shade::Shader;
-use super::standing::Shown;
-use super::{standing, view};
+use super::existing::Shown;
+use super::{existing, view};
 use crate::light::luminance;
 use crate::scene::{Baked as Part, Scene, Sky, SunTrack};
 use crate::trace::lens::Lens;
 use crate::trace::rays::Rays;
 use crate::trace::space::Space;
 use crate::trace::triangle::Hit;
-use crate::trace::walk::Transport;
+use crate::trace::path::Transport;
 use crate::{Result, geometry, scene};
 use dataset::console::Console;
 use dataset::files::{expect_output, write_atomically};
@@ -25,8 +25,8 @@ use serde_json::json;
 use std::path::Path;
 use std::time::Instant;
 
-/// Walks per pixel that estimate the light of what has no texels, at least.
-const WALKS: u32 = 32;
+/// Paths per pixel that estimate the light of what has no texels, at least.
+const PATHS: u32 = 32;
 
 /// Whether daylight changes with the hour.
 fn changes(scene: &Scene) -> bool {
@@ -43,14 +43,14 @@ struct Source {
     baked: Baked,
     /// The hours whose light it is, each with its share.
     hours: Vec<(f64, f32)>,
-    /// Whether these are sets of the dataset.
+    /// Whether these are frames of the dataset.
     is_set: bool,
     /// What is to be warned of.
     doubts: Vec<String>,
 }
 
 /// The lightmaps of a dataset.
-fn of_sets(dataset: &Dataset, hour: f64, scene: &Scene, places: Places, console: &Console) -> Result<Source> {
+fn of_frames(dataset: &Dataset, hour: f64, scene: &Scene, places: Places, console: &Console) -> Result<Source> {
     let moment = Moment::new(&dataset.config, hour);
     let mut doubts = Vec::new();
     if moment.is_doubtful {
@@ -59,7 +59,7 @@ fn of_sets(dataset: &Dataset, hour: f64, scene: &Scene, places: Places, console:
         console.say(format!("{hour:.2} h: {}", moment.note));
     }
     doubts.extend(moment.far(&dataset.config, hour).filter(|_| changes(scene)));
-    let hours = moment.parts.iter().map(|&(set, weight)| (dataset.config.frames[set].hour, weight));
+    let hours = moment.parts.iter().map(|&(frame, weight)| (dataset.config.frames[frame].hour, weight));
     Ok(Source { hours: hours.collect(), is_set: true, doubts, baked: Baked::read(dataset, &moment, places)? })
 }
 
@@ -100,16 +100,16 @@ pub fn preview(scene_file: &Path, options: &Options, console: &Console) -> Resul
     let bundle = options.bundle.as_deref().map(Compressed::open).transpose()?;
     let (scene, mut warnings) = scene::load(scene_file)?;
     let folder = options.dataset.clone().unwrap_or_else(|| Path::new("dataset").join(&scene.name));
-    standing::expect_finished(&folder, scene_file, &scene.name)?;
+    existing::expect_finished(&folder, scene_file, &scene.name)?;
     let (geometry, geometry_warnings) = geometry::load(&scene)?;
     warnings.extend(geometry_warnings);
     warnings.iter().for_each(|warning| console.warn(warning));
     let asked = view::asked(options, &scene, &geometry)?;
     let Shown { dataset, mut scene, geometry, places, warnings: changed } =
-        standing::open(&folder, scene_file, scene, geometry, console)?;
+        existing::open(&folder, scene_file, scene, geometry, console)?;
     warnings.extend(changed);
     let Source { baked, hours, is_set, doubts } = match &bundle {
-        None => of_sets(&dataset, options.hour, &scene, places, console)?,
+        None => of_frames(&dataset, options.hour, &scene, places, console)?,
         Some(bundle) => of_bundle(bundle, &dataset, options.hour, &mut scene, places, console)?,
     };
     doubts.iter().for_each(|doubt| console.warn(doubt));
@@ -124,8 +124,8 @@ pub fn preview(scene_file: &Path, options: &Options, console: &Console) -> Resul
         }
     };
     let transport = Transport::new(Space::new(&geometry, &rays), &light.lights, scene.bake.bounces);
-    let walks = WALKS.div_ceil(options.samples);
-    let shader = Shader { transport, light: &light, baked: &baked, walks };
+    let paths = PATHS.div_ceil(options.samples);
+    let shader = Shader { transport, light: &light, baked: &baked, paths };
     let lens = Lens::new(&camera, geometry.origin, options.size);
     let picture = Picture::trace(&shader, &lens, options.size, options.samples, scene.bake.seed, console)?;
     if picture.covered() == 0.0 {
@@ -150,15 +150,15 @@ pub fn preview(scene_file: &Path, options: &Options, console: &Console) -> Resul
         camera.name,
         if options.exposure.is_none() { " (--exposure fixes it)" } else { "" }
     ));
-    let set = |&(hour, weight): &(f64, f32)| json!({ "hour": hour, "weight": weight });
-    let sets = if is_set { &hours[..] } else { &[] };
+    let frame = |&(hour, weight): &(f64, f32)| json!({ "hour": hour, "weight": weight });
+    let frames = if is_set { &hours[..] } else { &[] };
     Ok(json!({
         "scene": scene.name,
         "dataset": folder,
         "bundle": options.bundle,
         "image": out,
         "hour": options.hour,
-        "sets": sets.iter().map(set).collect::<Vec<_>>(),
+        "frames": frames.iter().map(frame).collect::<Vec<_>>(),
         "camera": { "name": camera.name, "position": camera.position, "look_at": camera.look_at, "fov": camera.fov },
         "size": options.size,
         "samples": options.samples,

@@ -10,26 +10,26 @@ use crate::trace::lens::NOWHERE;
 use crate::trace::rays::{Passed, offset_point};
 use crate::trace::sampler::Sequence;
 use crate::trace::triangle::Hit;
-use crate::trace::walk::Transport;
+use crate::trace::path::Transport;
 use glam::Vec3;
 use std::f32::consts::PI;
 
 /// Radiance along camera rays.
 pub struct Shader<'a> {
-    /// The scene, and walks in it.
+    /// The scene, and paths in it.
     pub transport: Transport<'a>,
     /// What shines.
     pub light: &'a Light,
     /// Its light on surfaces with texels.
     pub baked: &'a Baked,
-    /// Walks that estimate the light of a surface without texels, per camera ray.
-    pub walks: u32,
+    /// Paths that estimate the light of a surface without texels, per camera ray.
+    pub paths: u32,
 }
 
 impl Shader<'_> {
     /// Radiance that arrives along a camera ray, and whether it is a surface's; `number` is the ray's place
-    /// in its pixel's `walks`.
-    pub fn radiance(&self, origin: Vec3, direction: Vec3, walks: Sequence, number: u32) -> (Rgb, bool) {
+    /// in its pixel's `paths`.
+    pub fn radiance(&self, origin: Vec3, direction: Vec3, paths: Sequence, number: u32) -> (Rgb, bool) {
         /// Backs that one ray passes; more are the walls of an endless stack.
         const MOST_BACKS: usize = 256;
         let (space, geometry) = (&self.transport.space, self.transport.space.geometry);
@@ -58,7 +58,7 @@ impl Shader<'_> {
             let reflected = match self.of_texel(&hit, is_back) {
                 Some(irradiance) => albedo * irradiance / PI,
                 None if albedo == Rgb::ZERO => Rgb::ZERO,
-                None => albedo * self.estimate(&hit, is_back, walks, number) / PI,
+                None => albedo * self.estimate(&hit, is_back, paths, number) / PI,
             };
             seen += left * (reflected + self.light.emission(geometry, triangle, hit.barycentric));
             if !is_glass {
@@ -78,9 +78,9 @@ impl Shader<'_> {
         if is_back { None } else { self.baked.irradiance(hit.triangle, hit.barycentric) }
     }
 
-    /// Irradiance where nothing was baked: light straight from sun and lamps, and walks that end at the first
+    /// Irradiance where nothing was baked: light straight from sun and lamps, and paths that end at the first
     /// baked surface.
-    fn estimate(&self, hit: &Hit, is_back: bool, walks: Sequence, number: u32) -> Rgb {
+    fn estimate(&self, hit: &Hit, is_back: bool, paths: Sequence, number: u32) -> Rgb {
         let point = SurfacePoint { triangle: hit.triangle, barycentric: hit.barycentric };
         let space = &self.transport.space;
         let Some(at) = space.receiver_on(&point, is_back) else { return Rgb::ZERO };
@@ -88,8 +88,8 @@ impl Shader<'_> {
         let (mut layers, mut read) = (vec![Rgb::ZERO; lights.layers()], Rgb::ZERO);
         let (mut direct, mut met) = (layers.clone(), vec![Rgb::ZERO; lights.met()]);
         let mut counts = RayCounts::default();
-        for walk in number * self.walks..(number + 1) * self.walks {
-            let sample = walks.sample(walk);
+        for path in number * self.paths..(number + 1) * self.paths {
+            let sample = paths.sample(path);
             self.transport.add_direct(&at, Rgb::ONE, sample, 0, &mut direct, &mut counts);
             self.transport.indirect(
                 &at,
@@ -107,6 +107,6 @@ impl Shader<'_> {
             );
         }
         lights.add_held(&direct, &met, &mut layers);
-        (self.light.sum(&layers) + read) / self.walks as f32
+        (self.light.sum(&layers) + read) / self.paths as f32
     }
 }

@@ -1,4 +1,4 @@
-//! Where walks read the light of surfaces: one ray then carries all bounces of the whole day. (What they
+//! Where paths read the light of surfaces: one ray then carries all bounces of the whole day. (What they
 //! read: `cache_half`.)
 //!
 //! Lightmapped surfaces have an entry per square of 1, 2 or 4 texels' side (charts start on 4-texel
@@ -24,7 +24,7 @@ const PATCH: f64 = 4.0;
 /// log₂ of the side in texels of the largest squares: those of larger entries are put together, chart by
 /// chart.
 const LARGEST_SQUARE: u32 = 2;
-/// Most patches along a side of a triangle: larger ones are not cached, walks go on from them.
+/// Most patches along a side of a triangle: larger ones are not cached, paths go on from them.
 const MOST_ALONG: u32 = 16;
 
 /// Where a point of a surface finds its entry.
@@ -205,7 +205,7 @@ impl<'a> CacheMap<'a> {
     }
 
     /// Says that a texel reaches across a wall, and gives a few points of the side it stands for. Only what
-    /// they see is that side: see [`CacheMap::entry`]. An entry of several texels is taken out: walks that
+    /// they see is that side: see [`CacheMap::entry`]. An entry of several texels is taken out: paths that
     /// land there go on.
     pub fn split(&mut self, texel: usize, witnesses: Vec<Receiver>) {
         let width = self.atlas.width as usize;

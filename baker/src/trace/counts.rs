@@ -2,11 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Rays traced, by purpose, and what the walks met.
+/// Rays traced, by purpose, and what the paths met.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RayCounts {
-    /// Segments of walks.
-    pub walk: u64,
+    /// Segments of paths.
+    #[serde(alias = "walk")]
+    pub path: u64,
     /// Shadow rays to the sun.
     pub sun: u64,
     /// Shadow rays to the sun, for its visibility as a function of time.
@@ -20,22 +21,22 @@ pub struct RayCounts {
     pub reflector: u64,
     /// Rays that find out which points of a texel lie inside a solid, or behind a wall.
     pub inside: u64,
-    /// Walks that ended by reading the cache.
+    /// Paths that ended by reading the cache.
     pub cached: u64,
-    /// Walks in lit places that would never end: nothing absorbs them.
+    /// Paths in lit places that would never end: nothing absorbs them.
     pub endless: u64,
 }
 
 impl RayCounts {
     /// Rays of all purposes.
     pub fn rays(&self) -> u64 {
-        self.walk + self.sun + self.visibility + self.lamp + self.sky + self.reflector + self.inside
+        self.path + self.sun + self.visibility + self.lamp + self.sky + self.reflector + self.inside
     }
 }
 
 impl std::ops::AddAssign for RayCounts {
     fn add_assign(&mut self, other: Self) {
-        self.walk += other.walk;
+        self.path += other.path;
         self.sun += other.sun;
         self.visibility += other.visibility;
         self.lamp += other.lamp;

@@ -5,7 +5,7 @@ use super::rays::Passed;
 use super::sampler::{Kind, Sequence};
 use super::space::Receiver;
 use super::triangle::Hit;
-use super::walk::{Transport, cosine_direction};
+use super::path::{Transport, cosine_direction};
 use crate::Rgb;
 use crate::surface::SurfacePoint;
 use glam::{Vec2, Vec3};
@@ -61,7 +61,7 @@ impl Transport<'_> {
         Some(Endless { triangles, is_lit })
     }
 
-    /// Whether light is found about a point of a walk that did not end: at its next vertices, or where it
+    /// Whether light is found about a point of a path that did not end: at its next vertices, or where it
     /// leaves the scene.
     pub(super) fn is_lit_about(&self, start: &Receiver) -> bool {
         let sequence = Sequence::new(0, Kind::PlanRay, start.triangle, 0);

@@ -15,7 +15,7 @@ pub struct Lights {
     pub suns: Vec<SunLight>,
     /// The sky; its layers are `sky.lit`.
     pub sky: SkyTable,
-    /// Where to look for the sky beyond what a diffuse walk meets: portals, bright parts of an image.
+    /// Where to look for the sky beyond what a diffuse path meets: portals, bright parts of an image.
     pub guide: Option<SkyGuide>,
     /// Radiance of the ground below the horizon in each layer of suns and sky; empty: there is none.
     pub ground: Vec<Rgb>,
@@ -25,7 +25,7 @@ pub struct Lights {
     pub place_of_group: Vec<Option<usize>>,
     /// Per layer, whether lightmaps hold what comes straight from its light.
     pub straight: Vec<bool>,
-    /// Per traced group, its place among those with emissive surfaces, which walks can meet.
+    /// Per traced group, its place among those with emissive surfaces, which paths can meet.
     pub place_among_met: Vec<Option<usize>>,
     /// Whether what comes straight from the sky is summed apart.
     pub is_sky_apart: bool,
@@ -120,7 +120,7 @@ impl Lights {
     }
 
     /// Adds to each layer what lightmaps hold of the light that comes straight from it: `direct` as sampled
-    /// (by layer), `met` as walks met it.
+    /// (by layer), `met` as paths met it.
     pub fn add_held(&self, direct: &[Rgb], met: &[Rgb], out: &mut [Rgb]) {
         let held = |(_, holds): &((&mut Rgb, &Rgb), &bool)| **holds;
         for ((out, direct), _) in out.iter_mut().zip(direct).zip(&self.straight).filter(held) {
@@ -131,7 +131,7 @@ impl Lights {
         }
     }
 
-    /// How many lights walks can meet straight from their start whose light is summed apart there: groups
+    /// How many lights paths can meet straight from their start whose light is summed apart there: groups
     /// with emissive surfaces, then the hours of the sky if it is one.
     pub fn met(&self) -> usize {
         self.place_among_met.iter().flatten().count() + self.sky_among_met().len()

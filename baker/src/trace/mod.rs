@@ -24,7 +24,7 @@ pub mod space;
 pub mod clear;
 mod pane;
 pub mod watcher;
-pub mod walk;
+pub mod path;
 pub mod endless;
 pub mod cache;
 pub mod cache_half;

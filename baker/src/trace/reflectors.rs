@@ -1,10 +1,10 @@
-//! Bright surfaces as lights. What a walk meets by the cosine alone, and reads from the cache, is noisy where
+//! Bright surfaces as lights. What a path meets by the cosine alone, and reads from the cache, is noisy where
 //! much of the light comes from little surface: a patch of sun on the floor, the inside of a lampshade. Once
-//! the cache is solved, those are known: they are cut into facets, sampled, and weighted against the walk by
+//! the cache is solved, those are known: they are cut into facets, sampled, and weighted against the path by
 //! the balance heuristic.
 //!
 //! Daylight has facets of its own, shared by all its layers, and so has every group. Of more than a few
-//! groups some are looked at with each walk ([`super::subset`]). A facet is chosen in proportion to √Σ (its
+//! groups some are looked at with each path ([`super::subset`]). A facet is chosen in proportion to √Σ (its
 //! light ÷ the layer's mean)² over those layers, the best choice for the sum of their relative variances; and
 //! by how much of it arrives at the receiver, which a [`View`] holds for clusters of facets, shadows
 //! included.
@@ -153,7 +153,7 @@ impl Reflectors {
     }
 
     /// One sample of the light that they reflect to `at`: where from, from which side, and the irradiance at
-    /// `at` per unit of it there, weighted against the walk that may meet them. `chance`: the probability
+    /// `at` per unit of it there, weighted against the path that may meet them. `chance`: the probability
     /// with which such a sample is taken at all.
     pub fn reflected(
         &self,

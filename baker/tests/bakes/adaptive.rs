@@ -22,7 +22,7 @@ fn adaptive(case: &Case, name: &str) {
     // errors is rounded.)
     for outcome in &adaptive.outcomes {
         let last = outcome.rounds.last().expect("a round");
-        assert!(!last.is_missed, "{name}: {} cells", last.open_cells);
+        assert!(!last.is_missed, "{name}: {} cells", last.unconverged_cells);
         for local in [last.local, outcome.local.all].map(|local| local.expect("light")) {
             assert!(local.p95 <= 1.02 * TARGET, "{name}: {local:?}");
         }

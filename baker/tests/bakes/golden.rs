@@ -109,7 +109,7 @@ fn a_sunlit_floor_without_texels_settles() {
     let text = format!("{}[bake]\nseed = 1\nsamples = 16\n", case.text);
     let (outcome, _) = case.stage.bake(&text, "floor", case.hours, |_| {});
     // Where few patches exchange light with many texels, one factor for all swings between too much and too
-    // little; had the cache not settled all the same, walks would have been followed to their end.
+    // little; had the cache not settled all the same, paths would have been followed to their end.
     assert_eq!(outcome.integrator, Integrator::Cached, "{:?}", outcome.facts);
 }
 
@@ -135,7 +135,7 @@ fn a_lamp_in_a_corner() {
 
 #[test]
 fn a_lamp_in_a_corner_of_coarse_walls() {
-    // What is near is told by the entries that a walk meets there: with those of the floor's texels for a
+    // What is near is told by the entries that a path meets there: with those of the floor's texels for a
     // measure, the walls' would be read where they tell least (8 and 14 %).
     golden_within(&coarse_corner("lightmap = false", 24), "walls without texels", 0.04);
     golden_within(&coarse_corner("density = 0.25", 32), "walls of large texels", 0.07);

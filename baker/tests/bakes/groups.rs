@@ -71,11 +71,11 @@ fn row(groups: usize, size: usize, integrator: Integrator) -> (Outcome, f64, f64
     let error = error_of_layers(&dataset);
     println!(
         "| {groups}, {integrator:?} | {:.0} | {:.0} | {:.0} | {:.1} % | {:.2} % |",
-        per_texel(rays.walk),
+        per_texel(rays.path),
         per_texel(rays.lamp),
         per_texel(rays.reflector),
         100.0 * error,
-        100.0 * outcome.rounds.last().and_then(|round| round.set_errors[0]).unwrap_or(0.0),
+        100.0 * outcome.rounds.last().and_then(|round| round.frame_errors[0]).unwrap_or(0.0),
     );
     let all = per_texel(rays.rays() - rays.inside);
     (outcome, all, error)
@@ -91,7 +91,7 @@ fn rays_grow_little_with_the_number_of_light_groups() {
     assert!(of_many < 2.0 * of_eight && of_many < 5.0 * one, "{one} {of_eight} {of_many}");
     assert!(error_of_many < 2.0 * error_of_eight, "{error_of_eight} {error_of_many}");
     // A group by itself takes four trial samples and four of each half at every texel, and more where samples
-    // differ, and a look at its bright surfaces with every walk.
+    // differ, and a look at its bright surfaces with every path.
     let per_group = |rays: u64, outcome: &Outcome| rays as f64 / outcome.texels as f64 / 32.0;
     assert!(per_group(many.rays.lamp, &many) < 20.0, "{:?}", many.rays);
     assert!(per_group(many.rays.reflector, &many) < 8.0, "{:?}", many.rays);

@@ -152,7 +152,7 @@ fn a_camera_is_chosen_by_name_and_changes_no_bake() {
             (Some(3.0), Some(40.0))
         );
         // A quarter of the way from 8 to 12.
-        assert_eq!(told["sets"].to_string(), r#"[{"hour":8.0,"weight":0.75},{"hour":12.0,"weight":0.25}]"#);
+        assert_eq!(told["frames"].to_string(), r#"[{"hour":8.0,"weight":0.75},{"hour":12.0,"weight":0.25}]"#);
         assert_eq!(told["warnings"].as_array().map(Vec::len), Some(0), "{told}");
         assert_eq!(picture.dimensions(), (16, 9));
     }
@@ -226,7 +226,7 @@ fn a_bundle_is_drawn_at_any_hour_in_place_of_the_lightmaps() {
     let bundle = stage.compress(|_| ());
     let view = Options { bundle: Some(bundle.clone()), exposure: Some(-1.0), ..from("0,3,0.1", [0.0; 3]) };
     let (told, picture) = stage.draw(Options { hour: 9.3, ..view }).unwrap();
-    assert_eq!((&told["bundle"], &told["sets"]), (&serde_json::json!(bundle), &serde_json::json!([])));
+    assert_eq!((&told["bundle"], &told["frames"]), (&serde_json::json!(bundle), &serde_json::json!([])));
     assert_eq!(told["warnings"].as_array().map(Vec::len), Some(0), "{told}");
     // As in `a_known_irradiance_shows_its_value`; 3 codes are 5 % of the light.
     let pixel = picture.get_pixel(20, 20).0;

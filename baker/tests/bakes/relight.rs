@@ -64,7 +64,7 @@ impl Scene {
         let scene = Scene { stage: stage(), text: SCENE.to_owned(), hours: HOURS, integrator };
         let (outcome, _) = scene.bake();
         assert_eq!((outcome.layers.traced, outcome.layers.reused), (4, 0));
-        assert!(outcome.rays.sun > 0 && outcome.rays.lamp > 0 && outcome.rays.walk > 0);
+        assert!(outcome.rays.sun > 0 && outcome.rays.lamp > 0 && outcome.rays.path > 0);
         scene
     }
 
@@ -112,7 +112,7 @@ impl Scene {
     fn retrace(&mut self, from: &str, to: &str, traced: usize) -> Outcome {
         let (outcome, dataset) = self.change(from, to);
         assert_eq!((outcome.layers.traced, outcome.layers.reused), (traced, 4 - traced), "{from} → {to}");
-        assert!(outcome.rays.walk > 0);
+        assert!(outcome.rays.path > 0);
         let fresh = self.fresh();
         // In one round a layer does not depend on those it is traced with.
         assert_same(&dataset, &fresh);

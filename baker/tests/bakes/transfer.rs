@@ -87,7 +87,7 @@ fn a_plane_under_a_constant_sky_has_pi_times_its_radiance() {
     let light = together(&functions(&dataset, &transfer), &transfer, 12.0);
     let mean = light.iter().sum::<Vec3>() / light.len() as f32;
     let expected = Vec3::new(3.0, 4.0, 5.0) * PI as f32;
-    // The walks' directions go with the cosine: a constant sky has no noise.
+    // The paths' directions go with the cosine: a constant sky has no noise.
     assert!((mean - expected).length() < 1e-3 * expected.length(), "{mean}");
     // It goes with the day's bake by the same settings, and with no other.
     let inputs = |hours: &str, samples: u32| {

@@ -8,7 +8,7 @@ use baker::bake::visibility::{Finder, Page};
 use baker::light::course::{Course, by_the_minute};
 use baker::light::schedule::parse_hours;
 use baker::surface::FaceBins;
-use baker::trace::walk::Transport;
+use baker::trace::path::Transport;
 use dataset::console::Console;
 use dataset::visibility::{Between, Visibility};
 use std::path::Path;

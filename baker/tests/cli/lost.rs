@@ -142,7 +142,7 @@ fn a_bake_whose_time_ran_out_in_its_last_round_is_not_traced_on() {
     let said = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.success() && !said.contains("unfinished work"), "{said}");
     let object: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert_eq!((&object["rays"]["walk"], &object["out_of_time"]), (&0.into(), &true.into()), "{object}");
+    assert_eq!((&object["rays"]["path"], &object["out_of_time"]), (&0.into(), &true.into()), "{object}");
     assert_eq!(object["rounds"], before);
 }
 

@@ -2,7 +2,7 @@
 
 mod lost;
 mod new;
-mod standing;
+mod existing;
 mod stopped;
 
 use std::path::{Path, PathBuf};
@@ -184,7 +184,7 @@ fn a_target_error_is_reached_and_told() {
     let object = json(&["--hours", "12", "--target-error", "0.01%", "--samples", "32", "--out", text(&few)]);
     assert_eq!(object["samples"], 32);
     let last = object["rounds"].as_array().unwrap().last().unwrap();
-    assert!(last["open_cells"].as_u64().unwrap() > 0 && last["is_missed"] == true);
+    assert!(last["unconverged_cells"].as_u64().unwrap() > 0 && last["is_missed"] == true);
 }
 
 #[test]
@@ -315,7 +315,7 @@ fn a_check_tells_the_true_error() {
     let object = json(&["--hours", "12", "--samples", "16", "--check", "256", "--out", text(&out)]);
     let check = &object["check"];
     assert_eq!((&check["samples"], &check["texels"]), (&256.into(), &512.into()));
-    let set = &check["sets"][0];
+    let set = &check["frames"][0];
     let number = |key: &str| set[key].as_f64().unwrap_or_else(|| panic!("no {key}: {check}"));
     // The true error is of the size of the estimate; with a cache, a little more.
     let (real, estimated) = (number("true_error"), number("estimated_error"));
@@ -346,7 +346,7 @@ fn json_is_one_object_with_the_documented_keys() {
         "integrator",
         "size",
         "pages",
-        "sets",
+        "frames",
         "texels",
         "samples",
         "mean_samples",
@@ -363,7 +363,7 @@ fn json_is_one_object_with_the_documented_keys() {
     ] {
         assert!(object.get(key).is_some(), "no key {key}");
     }
-    assert_eq!(object["sets"], 1);
+    assert_eq!(object["frames"], 1);
     // The scene comes first.
     let report = std::fs::read_to_string(object["report"].as_str().unwrap()).unwrap();
     let (lead, _) = report.split_once("<nav>").unwrap();

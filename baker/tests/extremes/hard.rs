@@ -28,7 +28,7 @@ fn rows(name: &str, stage: &Stage, scene: &str, samples: &[u32], expected: impl 
             "| {name}, {:?} | {n} | {:.2} | {:.2} % | {:.2} % | {:+.2} % |",
             baked.outcome.integrator,
             last.seconds,
-            100.0 * last.set_errors[0].unwrap_or(last.median_error),
+            100.0 * last.frame_errors[0].unwrap_or(last.median_error),
             100.0 * (squares / texels.len() as f64).sqrt() / mean,
             100.0 * sum / light,
         );

@@ -95,7 +95,7 @@ fn light_that_few_walks_find_is_not_lost_towards_a_target() {
 
 #[test]
 fn what_a_dim_room_gets_is_not_lost_towards_a_target_beside_a_lit_one() {
-    // A hole of 5 cm, of which the first round meets some ten walks, beside a closed box of the same size
+    // A hole of 5 cm, of which the first round meets some ten paths, beside a closed box of the same size
     // that a lamp fills with ten times the light: what is known of that must not end the cells of the other.
     let (low, high) = (dvec3(4.5, 0.0, -0.5), dvec3(5.5, 1.0, 0.5));
     let obj = box_with_hole(0.05).mesh("lit").sides(low, high, true, &[0, 1, 2, 3, 4, 5]).text();
@@ -128,7 +128,7 @@ fn the_skys_light_through_a_window_is_not_lost() {
 
 #[test]
 fn light_that_no_sample_found_is_not_called_exact() {
-    // A hole of 0.1 mm: four walks a texel do not meet it.
+    // A hole of 0.1 mm: four paths a texel do not meet it.
     let sky = "[sky]\nmodel = \"constant\"\nradiance = [1000, 1000, 1000]\n";
     let stage = Stage::new(&[("a.obj", box_with_hole(1e-4).text())]);
     let outcome = stage.bake("12", 4, &scene(sky, &["ceiling"], 64)).outcome;

@@ -36,7 +36,7 @@ fn row(name: &str, stage: &Stage, hours: &str, scene: &str) -> (Baked, RayCounts
         "| {name}, {:?} | {} | {} | {} | {} | {} | {} | {:.2} |",
         baked.outcome.integrator,
         baked.outcome.texels,
-        rays.walk,
+        rays.path,
         rays.sun,
         rays.lamp,
         rays.sky,
@@ -60,11 +60,11 @@ fn only_what_a_scene_holds_is_traced() {
         let sky = "[sky]\nmodel = \"constant\"\nradiance = [1, 1, 1]\n";
         let scene = format!("{sky}{track}{OBJECT}{LAMP}");
         let (baked, room) = row("closed room", &closed_room(integrator), "12", &scene);
-        // An even sky is met by walks alone. The sun is looked for by four trial samples and four of each
+        // An even sky is met by paths alone. The sun is looked for by four trial samples and four of each
         // half.
         assert!(room.sky == 0 && room.lamp > 0, "{room:?}");
         if integrator == Integrator::Cached {
-            let patches = room.walk / 4;
+            let patches = room.path / 4;
             assert!(room.sun <= 12 * baked.outcome.texels as u64 + patches, "{room:?}");
         }
 
@@ -73,8 +73,8 @@ fn only_what_a_scene_holds_is_traced() {
 
         let (_, all) = row("everything", &yard, "0..24", &format!("{PLACE}{SUN_AND_SKY}{OBJECT}{LAMP}"));
         assert!(all.lamp > 0 && all.sun > 0, "{all:?}");
-        // All light shares its walks; where they go depends on it, and so, by a little, how many they are.
-        assert!((all.walk as f64 / no_lamps.walk as f64 - 1.0).abs() < 0.02, "{all:?}");
+        // All light shares its paths; where they go depends on it, and so, by a little, how many they are.
+        assert!((all.path as f64 / no_lamps.path as f64 - 1.0).abs() < 0.02, "{all:?}");
         // A group that is never lit is as none.
         let off = LAMP.replace("name = \"lamp\"\n", "name = \"lamp\"\non = [[\"20:00\", \"21:00\"]]\n");
         let (_, off) = row("lamp off", &yard, "10..14", &format!("{track}{OBJECT}{off}"));
@@ -90,7 +90,7 @@ fn only_what_a_scene_holds_is_traced() {
 fn without_light_only_probes_are_traced() {
     for integrator in INTEGRATORS {
         let (_, none) = row("no light", &yard(integrator), "0..24", OBJECT);
-        assert!(none.walk + none.sun + none.lamp + none.sky == 0, "{none:?}");
+        assert!(none.path + none.sun + none.lamp + none.sky == 0, "{none:?}");
     }
 }
 

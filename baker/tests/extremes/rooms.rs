@@ -19,7 +19,7 @@ pub fn furnace(albedo: f64, emission: f64, bounces: &str) -> (Stage, String) {
     (Stage::new(&[("a.obj", room.text())]), scene)
 }
 
-/// A number of bounces that ends walks by chance.
+/// A number of bounces that ends paths by chance.
 pub const UNLIMITED: &str = "\"unlimited\"";
 
 fn floor(baked: &Baked) -> f64 {
@@ -258,7 +258,7 @@ fn a_closed_room_under_a_sky_is_exactly_dark() {
 
 #[test]
 fn a_room_of_sheets_lets_less_than_a_hundred_thousandth_in() {
-    // Walls without thickness: a walk that meets one within rounding of an edge may start beyond the next.
+    // Walls without thickness: a path that meets one within rounding of an edge may start beyond the next.
     let obj = Obj::default()
         .mesh("room")
         .room(dvec3(-1.0, 0.0, -1.0), dvec3(1.0, 2.0, 1.0))

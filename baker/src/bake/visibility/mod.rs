@@ -18,7 +18,7 @@ use crate::light::course::Course;
 use crate::surface::{BLOCK, BlockSurface};
 use crate::trace::counts::RayCounts;
 use crate::trace::sampler::{Kind, Sequence};
-use crate::trace::walk::sun_draw;
+use crate::trace::path::sun_draw;
 use crate::trace::watcher::Watcher;
 use crate::{Error, Result, Rgb};
 use dataset::console::{Console, stop_if_interrupted};

@@ -4,7 +4,7 @@ use crate::scene::{Sun, SunKey, SunTrack};
 use crate::surface::SurfacePoint;
 use crate::trace::rays::Rays;
 use crate::trace::sampler::{Kind, Sequence};
-use crate::trace::walk::{point_pair, sun_draw};
+use crate::trace::path::{point_pair, sun_draw};
 use glam::{DVec3, Vec2};
 
 /// A floor of 16 × 2 squares of 0.1 m from x = 1 on, and a wall of 1 m height that stands across x = 0

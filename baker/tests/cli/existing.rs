@@ -122,14 +122,14 @@ fn a_dataset_is_not_replaced_by_less_unless_forced() {
         let (done, said) = run(arguments);
         assert!(!done && said.contains(expected), "{arguments:?}: {said}");
         let place =
-            format!("error: {}: holds a dataset of 4 sets, baked with 16 samples per texel", out.display());
+            format!("error: {}: holds a dataset of 4 frames, baked with 16 samples per texel", out.display());
         assert!(said.contains(&place) && said.contains("--out DIR") && said.contains("--force"), "{said}");
         // Nothing was touched.
         assert!(before == data(&out) && kept == layers());
     }
     // More hours, and schedules that move the sets beside a switch, lose nothing: done without a flag, and
     // told.
-    let replaced = "(4 sets, baked with 16 samples per texel) is replaced when this bake is done";
+    let replaced = "(4 frames, baked with 16 samples per texel) is replaced when this bake is done";
     let (done, said) = run(&["--hours", "9,12,13,18.1"]);
     assert!(done && said.contains(replaced) && said.contains("kept from an earlier bake"), "{said}");
     std::fs::write(&scene, words.replace("\"18:00\"", "\"17:00\"")).unwrap();

@@ -1,9 +1,9 @@
-//! Samples of every layer at a point: its direct light, and one walk for all hours. A diffuse path does not
+//! Samples of every layer at a point: its direct light, and one path for all hours. A diffuse path does not
 //! depend on the time of day, so each is traced once and every light's estimator adds to its own layer along
 //! it.
 //!
 //! The estimators are disjoint and complete. Suns and lamps are sampled from a point and are invisible to the
-//! walk; the sky is met by the walk. Emissive surfaces, and the sky where a guide knows its bright parts, are
+//! path; the sky is met by the path. Emissive surfaces, and the sky where a guide knows its bright parts, are
 //! both sampled and met, weighted by the balance heuristic (Veach & Guibas 1995).
 
 use super::counts::RayCounts;
@@ -22,13 +22,13 @@ use std::f32::consts::PI;
 
 /// Russian roulette begins at this bounce.
 const ROULETTE_FROM: u32 = 2;
-/// The highest probability of going on under roulette, so that a walk ends even where nothing absorbs.
+/// The highest probability of going on under roulette, so that a path ends even where nothing absorbs.
 const GO_ON_AT_MOST: f32 = 0.999;
-/// A walk whose weight has grown to this under roulette has met hardly any absorption in over two thousand
+/// A path whose weight has grown to this under roulette has met hardly any absorption in over two thousand
 /// bounces.
 const ENDLESS_WEIGHT: f32 = 10.0;
 
-/// Everything a walk needs.
+/// Everything a path needs.
 pub struct Transport<'a> {
     /// What light moves in.
     pub space: Space<'a>,
@@ -38,14 +38,14 @@ pub struct Transport<'a> {
     pub(super) bounces: Option<u32>,
 }
 
-/// A walk arriving at a surface.
+/// A path arriving at a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Arrival {
     /// Where.
     pub hit: Hit,
     /// Whether from the triangle's back.
     pub is_back: bool,
-    /// Irradiance at the walk's start per unit of irradiance here.
+    /// Irradiance at the path's start per unit of irradiance here.
     pub weight: Rgb,
     /// Direction of the last segment.
     pub direction: Vec3,
@@ -55,7 +55,7 @@ pub struct Arrival {
     pub is_first: bool,
 }
 
-/// Dimensions of a sample, by vertex of its walk: pairs and single numbers are counted apart.
+/// Dimensions of a sample, by vertex of its path: pairs and single numbers are counted apart.
 mod dimension {
     /// The point within the texel.
     pub const POINT: u32 = 0;
@@ -103,7 +103,7 @@ impl<'a> Transport<'a> {
     }
 
     /// One sample of the light that comes straight from a sampled light (suns, then groups) as irradiance;
-    /// its share, where the walk may meet the light as well. `draw` is [`sun_draw`] of the sample.
+    /// its share, where the path may meet the light as well. `draw` is [`sun_draw`] of the sample.
     pub fn direct(
         &self,
         at: &Receiver,
@@ -121,7 +121,7 @@ impl<'a> Transport<'a> {
     }
 
     /// Adds one sample, times `weight`, of the light that comes straight from each sampled light at a vertex
-    /// of a walk (0: its start); of more than a few groups some are asked ([`Lights::chances`]).
+    /// of a path (0: its start); of more than a few groups some are asked ([`Lights::chances`]).
     pub fn add_direct(
         &self,
         at: &Receiver,
@@ -137,7 +137,7 @@ impl<'a> Transport<'a> {
         let mut comb =
             Comb::new(if chances.is_some() { sample.number(dimension::asked(vertex)) } else { 0.0 });
         for light in 0..self.lights.sampled() {
-            // (How likely a group is asked does not change how its light is shared with the walk, which may
+            // (How likely a group is asked does not change how its light is shared with the path, which may
             // meet it too.)
             let chance = chances.as_ref().map_or(1.0, |c| if light < suns { 1.0 } else { c[light - suns] });
             if comb.asks(chance) {
@@ -203,7 +203,7 @@ impl<'a> Transport<'a> {
         if through == Rgb::ZERO {
             return None;
         }
-        // The walk meets emissive triangles with density cos θ ÷ π.
+        // The path meets emissive triangles with density cos θ ÷ π.
         let share = s
             .emitter
             .map_or(1.0, |(_, pdf)| balance_heuristic(pdf, s.direction.dot(at.normal).max(0.0) / PI));
@@ -242,8 +242,8 @@ impl<'a> Transport<'a> {
     }
 
     /// Adds one sample of all light at `start` that does not come straight from a sampled light. `land` is
-    /// called where the walk arrives at a surface; it returns true where it knows the light there, has added
-    /// it, and the walk may end.
+    /// called where the path arrives at a surface; it returns true where it knows the light there, has added
+    /// it, and the path may end.
     ///
     /// With `met`, what comes straight from emissive surfaces to the start is added there, and from the sky
     /// if it is summed apart ([`Lights::layers_of_met`]).
@@ -272,7 +272,7 @@ impl<'a> Transport<'a> {
             if direction.dot(at.face_normal) <= 0.0 {
                 return;
             }
-            counts.walk += 1;
+            counts.path += 1;
             let pdf = direction.dot(at.normal).max(0.0) / PI;
             // To the first surface that does not let the path through.
             let (mut passed, mut panes) = (Passed::default(), 0);
@@ -320,7 +320,7 @@ impl<'a> Transport<'a> {
                     Fate::Ends => return,
                 }
                 panes += 1;
-                counts.walk += 1;
+                counts.path += 1;
             };
             let triangle = hit.triangle as usize;
             if self.bounces.is_some_and(|most| vertex + 1 > most) {
@@ -356,7 +356,7 @@ impl<'a> Transport<'a> {
     }
 
     /// A direction in which the guide found open sky, and the irradiance per unit of radiance from there,
-    /// weighted against the walk's own density.
+    /// weighted against the path's own density.
     fn guided_sky(
         &self,
         at: &Receiver,

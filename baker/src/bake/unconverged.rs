@@ -11,18 +11,18 @@ use super::state::CELLS;
 /// Cells so far to every side are asked: paths that one sample in some ten thousand finds are known to them
 /// after the first round.
 const REACH: usize = 2;
-/// A target is met where no more than this share of the texels lies in cells that miss it, in every set.
+/// A target is met where no more than this share of the texels lies in cells that miss it, in every frame.
 const MISSED: f64 = 0.05;
 /// One texel in so many is hardly any.
 const HARDLY: u64 = 100;
 
 /// The cells of a page that miss the target, or near which light does.
 #[derive(Clone, Debug, PartialEq)]
-pub struct OpenCells {
+pub struct UnconvergedCells {
     grid: Grid,
     /// Row by row.
-    open: Vec<bool>,
-    /// The largest share of a set's texels that lies in open cells.
+    unconverged: Vec<bool>,
+    /// The largest share of a frame's texels that lies in unconverged cells.
     pub missed: f64,
     /// Whether hardly a texel has seen light yet.
     pub is_dark: bool,
@@ -37,29 +37,29 @@ pub struct Block<'a> {
     pub y0: usize,
     /// The texels of each cell that light could reach.
     pub exposed: [u32; CELLS],
-    /// Per set, error and light of each cell, over the texels that have seen any.
+    /// Per frame, error and light of each cell, over the texels that have seen any.
     pub sums: &'a [[Sums; CELLS]],
 }
 
-impl OpenCells {
+impl UnconvergedCells {
     /// No cell of a page.
     pub fn none(grid: Grid) -> Self {
-        OpenCells { grid, open: vec![false; grid.cells()], missed: 0.0, is_dark: false }
+        UnconvergedCells { grid, unconverged: vec![false; grid.cells()], missed: 0.0, is_dark: false }
     }
 
-    /// The cells that miss the `target` (a local error) in one of the sets, by themselves or together with
+    /// The cells that miss the `target` (a local error) in one of the frames, by themselves or together with
     /// those around them; one without exposed texels never. Together, errors count beside what is tolerated
     /// of the cell they are of, or of the one that is judged, whichever is more: what is bright does not hide
-    /// what its dim neighbours miss, nor go on for their sake. Where no set has light yet, or hardly a texel
-    /// has seen any, nearly all of it may be missing: all cells are open.
+    /// what its dim neighbours miss, nor go on for their sake. Where no frame has light yet, or hardly a texel
+    /// has seen any, nearly all of it may be missing: all cells are unconverged.
     pub fn find<'a>(
         places: &Places,
         target: f64,
-        sets: usize,
+        frames: usize,
         blocks: impl Iterator<Item = Block<'a>> + Clone,
     ) -> Self {
         let grid = places.grid();
-        let mut found = OpenCells::none(grid);
+        let mut found = UnconvergedCells::none(grid);
         let mut exposed = vec![0; grid.cells()];
         let (mut texels, mut lit) = (0, 0);
         for block in blocks.clone() {
@@ -70,22 +70,22 @@ impl OpenCells {
             }
         }
         let mut is_dark = true;
-        for set in 0..sets {
+        for frame in 0..frames {
             let mut cells = vec![Sums::default(); grid.cells()];
             for Block { x0, y0, sums, .. } in blocks.clone() {
-                (0..CELLS).for_each(|cell| cells[grid.of_block(x0, y0, cell)] = sums[set][cell]);
+                (0..CELLS).for_each(|cell| cells[grid.of_block(x0, y0, cell)] = sums[frame][cell]);
             }
             is_dark &= cells.iter().all(|sums| sums.light <= 0.0);
             found.judge(places, target, &cells, &exposed);
         }
         if is_dark || lit * HARDLY < texels {
-            found.open.iter_mut().zip(exposed).for_each(|(open, exposed)| *open |= exposed > 0);
+            found.unconverged.iter_mut().zip(exposed).for_each(|(unconverged, exposed)| *unconverged |= exposed > 0);
             (found.missed, found.is_dark) = (1.0, true);
         }
         found
     }
 
-    /// Opens the cells with exposed texels that miss the target in a set.
+    /// Adds the cells with exposed texels that miss the target in a frame.
     pub fn judge(&mut self, places: &Places, target: f64, cells: &[Sums], exposed: &[u32]) {
         let floors = places.floors(cells);
         let biases = places.grid().squared_biases(cells);
@@ -102,13 +102,13 @@ impl OpenCells {
                 errors += (sums.squared_error + bias) / tolerated.powi(2);
                 all += values[near];
             }
-            let is_open = error(&cells[place], floors[place], biases[place]) > target || errors > all as f64;
-            self.open[place] |= is_open;
-            // What no light has found in this set, and what is told of no error, hides none that is missed.
-            if is_open || cells[place].values > 0 {
+            let is_unconverged = error(&cells[place], floors[place], biases[place]) > target || errors > all as f64;
+            self.unconverged[place] |= is_unconverged;
+            // What no light has found in this frame, and what is told of no error, hides none that is missed.
+            if is_unconverged || cells[place].values > 0 {
                 all_texels += exposed[place];
             }
-            missed += if is_open { exposed[place] } else { 0 };
+            missed += if is_unconverged { exposed[place] } else { 0 };
         }
         self.missed = self.missed.max(f64::from(missed) / f64::from(all_texels.max(1)));
     }
@@ -123,30 +123,30 @@ impl OpenCells {
         let across = self.grid.columns;
         let (x, y) = (place % across, place / across);
         let columns = x.saturating_sub(REACH)..(x + REACH + 1).min(across);
-        let rows = y.saturating_sub(REACH)..(y + REACH + 1).min(self.open.len() / across);
+        let rows = y.saturating_sub(REACH)..(y + REACH + 1).min(self.unconverged.len() / across);
         rows.flat_map(move |y| columns.clone().map(move |x| y * across + x))
     }
 
     /// The cells of a block.
     pub fn of_block(&self, x0: usize, y0: usize) -> [bool; CELLS] {
-        std::array::from_fn(|cell| self.open[self.grid.of_block(x0, y0, cell)])
+        std::array::from_fn(|cell| self.unconverged[self.grid.of_block(x0, y0, cell)])
     }
 
     /// How many there are.
     pub fn count(&self) -> usize {
-        self.open.iter().filter(|open| **open).count()
+        self.unconverged.iter().filter(|unconverged| **unconverged).count()
     }
 
     /// One byte a cell, for storing them.
     pub fn bytes(&self) -> Vec<u8> {
-        self.open.iter().map(|open| u8::from(*open)).collect()
+        self.unconverged.iter().map(|unconverged| u8::from(*unconverged)).collect()
     }
 
-    /// What [`OpenCells::bytes`] gave for a page; `None` where it does not fit.
+    /// What [`UnconvergedCells::bytes`] gave for a page; `None` where it does not fit.
     pub fn from_bytes(grid: Grid, bytes: &[u8]) -> Option<Self> {
-        let mut read = OpenCells::none(grid);
-        (bytes.len() == read.open.len()).then(|| {
-            read.open.iter_mut().zip(bytes).for_each(|(open, byte)| *open = *byte != 0);
+        let mut read = UnconvergedCells::none(grid);
+        (bytes.len() == read.unconverged.len()).then(|| {
+            read.unconverged.iter_mut().zip(bytes).for_each(|(unconverged, byte)| *unconverged = *byte != 0);
             read
         })
     }
@@ -165,8 +165,8 @@ mod tests {
         Places::for_tests(4 * BLOCK, 2 * BLOCK, |_| None)
     }
 
-    /// One set on that page; `texel(x, y)` is the mean and the error of all texels of the cell (x, y).
-    fn find(target: f64, texel: impl Fn(usize, usize) -> Option<(f32, f32)>) -> OpenCells {
+    /// One frame on that page; `texel(x, y)` is the mean and the error of all texels of the cell (x, y).
+    fn find(target: f64, texel: impl Fn(usize, usize) -> Option<(f32, f32)>) -> UnconvergedCells {
         let corner = |block: usize| (block % 4 * BLOCK, block / 4 * BLOCK);
         let of_cell = |block: usize, cell: usize| {
             let (x0, y0) = corner(block);
@@ -192,12 +192,12 @@ mod tests {
             let (x0, y0) = corner(block);
             Block { x0, y0, exposed: std::array::from_fn(|c| of_cell(block, c).map_or(0, |_| 256)), sums }
         });
-        OpenCells::find(&places(), target, 1, blocks)
+        UnconvergedCells::find(&places(), target, 1, blocks)
     }
 
-    fn open(cells: &OpenCells) -> Vec<(usize, usize)> {
+    fn unconverged(cells: &UnconvergedCells) -> Vec<(usize, usize)> {
         let at = |i: usize| (i % cells.grid.columns, i / cells.grid.columns);
-        (0..cells.open.len()).filter(|&i| cells.open[i]).map(at).collect()
+        (0..cells.unconverged.len()).filter(|&i| cells.unconverged[i]).map(at).collect()
     }
 
     #[test]
@@ -206,11 +206,11 @@ mod tests {
         assert_eq!(find(0.05, |_, _| Some((1.0, 0.051))).count(), 16 * 8);
         // A little too much in one cell is its own affair.
         let cells = find(0.05, |x, y| Some((1.0, if (x, y) == (5, 3) { 0.1 } else { 0.01 })));
-        assert_eq!(open(&cells), [(5, 3)]);
+        assert_eq!(unconverged(&cells), [(5, 3)]);
         // Far too much is that of all cells from which it is two away, in other blocks too.
         let cells = find(0.05, |x, y| Some((1.0, if (x, y) == (4, 3) { 1.0 } else { 0.0 })));
         let near = (1..6).flat_map(|y| (2..7).map(move |x| (x, y)));
-        assert_eq!(open(&cells), near.collect::<Vec<_>>());
+        assert_eq!(unconverged(&cells), near.collect::<Vec<_>>());
     }
 
     #[test]
@@ -234,7 +234,7 @@ mod tests {
             _ => Some((0.0, 0.0)),
         });
         let dim = (0..8).flat_map(|y| (0..16).filter(|&x| !bright(x)).map(move |x| (x, y)));
-        assert_eq!(open(&cells), dim.collect::<Vec<_>>());
+        assert_eq!(unconverged(&cells), dim.collect::<Vec<_>>());
     }
 
     #[test]
@@ -244,13 +244,13 @@ mod tests {
         assert_eq!(cells.count(), 16 * 8);
         // Amid dark that nobody lit they end.
         let cells = find(0.2, |x, _| Some(if x == 0 { (1.6, 0.8) } else { (0.0, 0.0) }));
-        assert_eq!(open(&cells), (0..8).flat_map(|y| (0..3).map(move |x| (x, y))).collect::<Vec<_>>());
+        assert_eq!(unconverged(&cells), (0..8).flat_map(|y| (0..3).map(move |x| (x, y))).collect::<Vec<_>>());
     }
 
     #[test]
     fn without_light_all_that_has_texels_goes_on() {
         let cells = find(0.2, |x, y| (x == y).then_some((0.0, 0.0)));
-        assert_eq!(open(&cells), (0..8).map(|i| (i, i)).collect::<Vec<_>>());
+        assert_eq!(unconverged(&cells), (0..8).map(|i| (i, i)).collect::<Vec<_>>());
     }
 
     #[test]
@@ -287,12 +287,12 @@ mod tests {
                 ));
                 sums.local = if cell == 0 { 0.0 } else { 3.0 * 0.01 };
             }
-            let mut open = OpenCells::none(places.grid());
-            open.judge(&places, 0.05, &cells, &vec![1; cells.len()]);
-            (places.errors(&cells)[9], open.open[1..].iter().filter(|open| **open).count())
+            let mut unconverged = UnconvergedCells::none(places.grid());
+            unconverged.judge(&places, 0.05, &cells, &vec![1; cells.len()]);
+            (places.errors(&cells)[9], unconverged.unconverged[1..].iter().filter(|unconverged| **unconverged).count())
         };
-        let near = |(error, open): (f64, usize), expected: (f64, usize)| {
-            assert!((error - expected.0).abs() < 1e-6 && open == expected.1, "{error} {open}");
+        let near = |(error, unconverged): (f64, usize), expected: (f64, usize)| {
+            assert!((error - expected.0).abs() < 1e-6 && unconverged == expected.1, "{error} {unconverged}");
         };
         near(judged(1.0), (0.1, 31));
         near(judged(0.1), (0.1, 31));
@@ -305,12 +305,12 @@ mod tests {
     fn cells_are_read_back_as_they_were_stored() {
         let cells = find(0.05, |x, y| Some((1.0, if (x + 3 * y) % 5 == 0 { 0.06 } else { 0.04 })));
         assert!(cells.count() > 0 && cells.count() < 16 * 8);
-        let again = OpenCells::from_bytes(cells.grid, &cells.bytes());
-        assert_eq!(again.map(|again| again.open), Some(cells.open.clone()));
-        assert_eq!(OpenCells::from_bytes(Grid::new(4 * BLOCK, 2 * BLOCK + 1), &cells.bytes()), None);
+        let again = UnconvergedCells::from_bytes(cells.grid, &cells.bytes());
+        assert_eq!(again.map(|again| again.unconverged), Some(cells.unconverged.clone()));
+        assert_eq!(UnconvergedCells::from_bytes(Grid::new(4 * BLOCK, 2 * BLOCK + 1), &cells.bytes()), None);
         for (x0, y0) in [(0, 0), (3 * BLOCK, BLOCK)] {
             let of_block = cells.of_block(x0, y0);
-            let bit = |cell: usize| cells.open[(y0 / CELL + cell / 4) * 16 + x0 / CELL + cell % 4];
+            let bit = |cell: usize| cells.unconverged[(y0 / CELL + cell / 4) * 16 + x0 / CELL + cell % 4];
             assert!((0..CELLS).all(|cell| of_block[cell] == bit(cell)));
         }
     }

@@ -20,7 +20,7 @@ use std::time::Instant;
 
 /// The outcome of a run, beside the manifest.
 pub const RUN: &str = "run.json";
-/// A picture of local errors, beside it: a pixel per cell of 16×16 texels, at the set whose 95th percentile
+/// A picture of local errors, beside it: a pixel per cell of 16×16 texels, at the frame whose 95th percentile
 /// is greatest; grey 1 is 0.2 %.
 pub const ERRORS: &str = "local-error.png";
 /// The report, beside it.
@@ -119,7 +119,7 @@ pub fn refuse_foreign<'a>(out: &Path, reads: impl IntoIterator<Item = &'a Path>)
 /// fewer texels. A quick look at one hour must not cost a day's bake; `--force` says that it may. Also,
 /// forced or not, where a manifest stands there that cannot be read.
 pub fn refuse_less(out: &Path, prepared: &Prepared, options: &Options, console: &Console) -> Result<()> {
-    let standing = match Dataset::open_manifest(out) {
+    let existing = match Dataset::open_manifest(out) {
         Ok(dataset) => dataset.config,
         Err(_) if !out.join(store::MANIFEST).exists() => return Ok(()),
         // It may be of something else, so not even `--force` writes over it.
@@ -133,9 +133,9 @@ pub fn refuse_less(out: &Path, prepared: &Prepared, options: &Options, console: 
             ));
         }
     };
-    let held = format!("{}, baked with {}", count(standing.frames.len(), "set"), samples(standing.samples));
-    let mut lost = lost(&standing, prepared, options);
-    lost.extend(other_file(out, &standing, prepared));
+    let held = format!("{}, baked with {}", count(existing.frames.len(), "frame"), samples(existing.samples));
+    let mut lost = lost(&existing, prepared, options);
+    lost.extend(other_file(out, &existing, prepared));
     if !lost.is_empty() && !options.force {
         return Err(Error::invalid(
             out.display(),
@@ -168,7 +168,7 @@ pub fn refuse_unfinished(out: &Path, work: &str, layers: &Layers) -> Result<bool
 }
 
 /// What would become of what stands where a bake is to write, in words; `None` where nothing does.
-pub fn foretold(prepared: &Prepared, options: &Options) -> Result<Option<String>> {
+pub fn replacement_note(prepared: &Prepared, options: &Options) -> Result<Option<String>> {
     let out = prepared.out(options);
     let refused = |error: Error| format!("this bake would be refused: {error}");
     let reads = prepared.scene.objects.iter().map(|object| object.file.as_path());
@@ -198,31 +198,31 @@ pub fn foretold(prepared: &Prepared, options: &Options) -> Result<Option<String>
     }))
 }
 
-/// What of the standing dataset the new one would not have, in words.
-fn lost(standing: &Config, prepared: &Prepared, options: &Options) -> Vec<String> {
+/// What of the existing dataset the new one would not have, in words.
+fn lost(existing: &Config, prepared: &Prepared, options: &Options) -> Vec<String> {
     let mut lost = Vec::new();
-    if standing.scene != prepared.scene.name {
-        lost.push(format!("it is of the scene {:?}, not {:?}", standing.scene, prepared.scene.name));
+    if existing.scene != prepared.scene.name {
+        lost.push(format!("it is of the scene {:?}, not {:?}", existing.scene, prepared.scene.name));
     }
-    if let Some(halved) = standing.halved() {
+    if let Some(halved) = existing.halved() {
         let level = halved.times;
         lost.push(format!(
             "it is level {level} of a dataset, which `dataset halve` made and no bake makes again"
         ));
     }
     let (before, now) =
-        (files(&standing.settings), prepared.scene.objects.iter().filter_map(|o| o.file.file_name()));
+        (files(&existing.settings), prepared.scene.objects.iter().filter_map(|o| o.file.file_name()));
     let now: BTreeSet<String> = now.map(|name| name.to_string_lossy().into_owned()).collect();
     if !before.is_empty() && before.is_disjoint(&now) {
         let names =
             |files: &BTreeSet<String>| files.iter().map(String::as_str).collect::<Vec<_>>().join(", ");
         lost.push(format!("it is of {}, not of {}", names(&before), names(&now)));
     }
-    // The hours that were asked for: the sets beside a switch move with the schedule, and are not missed
+    // The hours that were asked for: the frames beside a switch move with the schedule, and are not missed
     // where it changed.
-    let settings = &standing.settings;
+    let settings = &existing.settings;
     let hours: Vec<f64> = serde_json::from_value(settings["hours"].clone())
-        .unwrap_or_else(|_| standing.frames.iter().map(|set| set.hour).collect());
+        .unwrap_or_else(|_| existing.frames.iter().map(|frame| frame.hour).collect());
     let is_baked =
         |hour: &&f64| prepared.plan.moments.iter().any(|moment| (moment.hour - **hour).abs() < 1e-6);
     let missing = hours.len() - hours.iter().filter(is_baked).count();
@@ -233,8 +233,8 @@ fn lost(standing: &Config, prepared: &Prepared, options: &Options) -> Vec<String
     let with = &settings["baked_with"];
     let was_fixed = with["target_error"].is_null() && with["time_limit_secs"].is_null();
     let is_fixed = options.target_error.is_none() && options.time_limit.is_none();
-    if was_fixed && is_fixed && prepared.limits.samples < standing.samples {
-        lost.push(format!("{} instead of {}", samples(prepared.limits.samples), standing.samples));
+    if was_fixed && is_fixed && prepared.limits.samples < existing.samples {
+        lost.push(format!("{} instead of {}", samples(prepared.limits.samples), existing.samples));
     }
     let size = serde_json::from_value(settings["lightmap"]["size"].clone()).ok();
     lost.extend(size.and_then(|size| coarser(size, prepared.scene.lightmap.size)));
@@ -243,9 +243,9 @@ fn lost(standing: &Config, prepared: &Prepared, options: &Options) -> Vec<String
 
 /// In words, where the dataset was baked from another scene file that is still there. (One that is gone was
 /// moved or renamed.)
-fn other_file(out: &Path, standing: &Config, prepared: &Prepared) -> Option<String> {
+fn other_file(out: &Path, existing: &Config, prepared: &Prepared) -> Option<String> {
     let run: Outcome = serde_json::from_slice(&std::fs::read(out.join(RUN)).ok()?).ok()?;
-    let before = out.join(run.scene_file.filter(|_| run.inputs == standing.inputs)?).canonicalize().ok()?;
+    let before = out.join(run.scene_file.filter(|_| run.inputs == existing.inputs)?).canonicalize().ok()?;
     let now = prepared.scene_file.canonicalize().ok()?;
     (before.is_file() && before != now)
         .then(|| format!("it is of {}, which has the same name as {}", before.display(), now.display()))
