@@ -165,7 +165,7 @@ With --json, one object on stdout: scene, dataset, up_to_date, inputs, hours, in
 mean_samples, layers (traced, reused), denoised (method, layers, new_layers: those filtered by this run, seconds; null if nothing was denoised), relative_error (median over tile and frame), local (error of cells of 16×16 texels relative to the light there:
 all, frames, worst_frame, advice; each median, p95, worst, and over: shares above 5, 10 and 20 %), out_of_time, seconds, rays, rounds (error
 against seconds), check (with --check; as in run.json), facts, left_out, warnings, report, and with --compress an object `compress` with the keys of
-`compress --json`. With --plan: scene, integrator, moments, extra_times (added: hour,
+`compress --json`. With --plan: scene, integrator, times, extra_times (added: hour,
 error_before and error_after of interpolated light, as a share of it; error_before and error_after of the whole day, null where no light
 changes), layers, visibility (of the sun: times, minutes of the finest step; null where it is not found), left_out, existing, forecast (size, pages, finer: how many times as wide the texels were of the layout that pages above 2048 are
 estimated from, 1 where it is that of the bake; texels covered, skipped_triangles, skipped_area and skipped_rays of faces that nobody can see,
@@ -301,7 +301,7 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
         "{}: {}, {} of {}, at most {} samples per texel on average, integrator {}",
         prepared.scene.name,
         count(prepared.geometry.triangles.len(), "triangle"),
-        count(plan.moments.len(), "moment"),
+        count(plan.times.len(), "time"),
         count(layers.len(), "layer"),
         prepared.limits.samples,
         match prepared.integrator {
@@ -347,12 +347,12 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
         Some(format!("this bake would be refused: {refused}"))
     });
     existing.iter().for_each(|what| console.print(format!("  {what}")));
-    let moments: Vec<f64> = plan.moments.iter().map(|m| m.hour).collect();
+    let times: Vec<f64> = plan.times.iter().map(|m| m.hour).collect();
     let warnings = [&prepared.warnings[..], &of_layout].concat();
     console.result(&json!({
         "scene": prepared.scene.name,
         "integrator": prepared.integrator,
-        "moments": moments,
+        "times": times,
         "extra_times": plan.extra_times,
         "layers": layers,
         "visibility": prepared.course.as_ref().map(|course| json!({

@@ -23,7 +23,7 @@ use dataset::tiles::TILE;
 /// Texels around valid ones that are filled at least: a whole block of those a chart owns.
 const LEAST_FILLED: u32 = 4;
 
-/// Texels of all layers of a moment that are in memory at once.
+/// Texels of all layers of a time that are in memory at once.
 const AT_ONCE: usize = 1 << 14;
 
 /// Puts the layers of a plan together.
@@ -62,7 +62,7 @@ pub struct Stored {
     pub groups: Vec<Vec<Share>>,
     /// Groups that were traced and whose light reaches no texel.
     pub dark_groups: Vec<usize>,
-    /// The frames, in the order of the plan's moments.
+    /// The frames, in the order of the plan's times.
     pub frames: Vec<Frame>,
     /// The noise table's file.
     pub noise: FileRef,
@@ -291,7 +291,7 @@ impl<'a> Assembler<'a> {
         if self.atlas.pages == 1 { stem.to_owned() } else { format!("{stem}-p{page}") }
     }
 
-    /// Writes all images: masks, groups, and per moment sun, sky and their sum with the lit groups. `baked`
+    /// Writes all images: masks, groups, and per time sun, sky and their sum with the lit groups. `baked`
     /// says which part of each light they hold.
     pub fn store(&self, writer: &mut Writer, baked: &BakedParts, mut each: impl FnMut()) -> Result<Stored> {
         let pages = self.store_masks(writer)?;
@@ -299,7 +299,7 @@ impl<'a> Assembler<'a> {
         let mut is_dark = vec![false; self.plan.groups.len()];
         let mut of_groups = Vec::new();
         for (place, &of_group) in self.plan.place_of_group.iter().zip(&baked.groups) {
-            // A group that was not traced gave no light at any moment baked.
+            // A group that was not traced gave no light at any time baked.
             let layer = place.map(|g| first_group + g);
             let parts = parts_in_dataset(of_group, false);
             let stem = |part: config::Part| format!("group{}-{}", place.unwrap_or_default(), part.name());
@@ -318,11 +318,11 @@ impl<'a> Assembler<'a> {
         };
         let (mut suns, mut skies) = (empty(Light::Sun, sun_parts), empty(Light::Sky, sky_parts));
         let mut frames = Vec::new();
-        let mut errors = Errors::new(self.mask.width, self.mask.height, self.plan.moments.len());
+        let mut errors = Errors::new(self.mask.width, self.mask.height, self.plan.times.len());
         let (mut all_cells, mut of_frames, mut worst) = (Vec::new(), Vec::new(), None);
-        // Local light stays the same over many moments.
+        // Local light stays the same over many times.
         let (mut local, mut local_of): (Option<Image>, Vec<usize>) = (None, Vec::new());
-        for (i, moment) in self.plan.moments.iter().enumerate() {
+        for (i, time) in self.plan.times.iter().enumerate() {
             let cells = self.add_errors(i, &mut errors)?;
             let (of_cells, of_frame) = self.places.judge(&cells);
             all_cells.extend(
@@ -332,7 +332,7 @@ impl<'a> Assembler<'a> {
                 worst = of_frame.map(|local| (local.p95, i, of_cells));
             }
             of_frames.push(of_frame);
-            let hour = format!("{:07.4}", moment.hour);
+            let hour = format!("{:07.4}", time.hour);
             let stem = |light: Light| {
                 let hour = hour.clone();
                 move |part: config::Part| match part {
@@ -366,8 +366,8 @@ impl<'a> Assembler<'a> {
             }
             local.iter().for_each(|local| add(&mut total, local));
             frames.push(Frame {
-                hour: moment.hour,
-                groups_on: moment.groups_on.clone(),
+                hour: time.hour,
+                groups_on: time.groups_on.clone(),
                 relative_error: errors.relative_of_frame(i),
                 maps: self.add(writer, &format!("frame-{hour}"), &total)?,
             });
@@ -411,14 +411,14 @@ impl<'a> Assembler<'a> {
             .collect()
     }
 
-    /// Adds the errors of a moment, tile by tile, from those of its layers; its sums cell by cell.
-    fn add_errors(&self, moment: usize, errors: &mut Errors) -> Result<Vec<Sums>> {
+    /// Adds the errors of a time, tile by tile, from those of its layers; its sums cell by cell.
+    fn add_errors(&self, time: usize, errors: &mut Errors) -> Result<Vec<Sums>> {
         let mut pieces = self.pieces.sums();
-        self.each_sum(&self.plan.layers_of(moment), |texel, value| {
+        self.each_sum(&self.plan.layers_of(time), |texel, value| {
             let index = self.texels[texel].index as usize;
             let mut sums = Sums::default();
             sums.add_texel(value);
-            errors.add(moment, index % self.mask.width, index / self.mask.width, &sums);
+            errors.add(time, index % self.mask.width, index / self.mask.width, &sums);
             self.pieces.add_texel(texel, value, &mut pieces);
         })?;
         let mut cells = vec![Sums::default(); self.places.grid().cells()];
@@ -488,10 +488,10 @@ impl<'a> Assembler<'a> {
     /// The jump across seams of the frame with most light, with its layers dilated only, and stitched.
     fn jumps(&self, errors: &Errors) -> Result<Option<(usize, Jump, Jump)>> {
         let light = |i: &usize| errors.frame(*i).mean();
-        let brightest = (0..self.plan.moments.len()).max_by(|a, b| light(a).total_cmp(&light(b)));
-        let Some(moment) = brightest.filter(|_| self.seams.edges() > 0) else { return Ok(None) };
+        let brightest = (0..self.plan.times.len()).max_by(|a, b| light(a).total_cmp(&light(b)));
+        let Some(time) = brightest.filter(|_| self.seams.edges() > 0) else { return Ok(None) };
         let mut images = [self.black(), self.black()];
-        for layer in self.plan.layers_of(moment) {
+        for layer in self.plan.layers_of(time) {
             for (stitched, image) in images.iter_mut().enumerate() {
                 for &part in self.plan.held_parts_of(layer) {
                     add(image, &self.part(layer, part, stitched == 1)?);

@@ -1,4 +1,4 @@
-//! How wrong the bake is at this moment: the difference of two independently scrambled halves, per tile and
+//! How wrong the bake is at this time: the difference of two independently scrambled halves, per tile and
 //! frame.
 //!
 //! With A and B the halves' means, the estimate is (A + B)/2 and its squared standard error is estimated by

@@ -20,7 +20,7 @@ pub fn mostly_invalid(plan: &Plan, stored: &Stored) -> Option<String> {
     };
     if plan.layers() == 0 {
         Some(
-            "no light: neither sun nor sky nor a lamp shines at any of these moments; all frames are black"
+            "no light: neither sun nor sky nor a lamp shines at any of these times; all frames are black"
                 .to_owned(),
         )
     } else if of(stored.unlit_texels) > 50.0 {
@@ -39,7 +39,7 @@ pub fn mostly_invalid(plan: &Plan, stored: &Stored) -> Option<String> {
     }
 }
 
-/// The light groups that shine at some moment, and at no texel.
+/// The light groups that shine at some time, and at no texel.
 pub fn lightless(scene: &Scene, plan: &Plan, stored: &Stored) -> Option<String> {
     let names: Vec<String> =
         stored.dark_groups.iter().map(|&g| format!("{:?}", scene.groups[g].name)).collect();
@@ -90,19 +90,19 @@ pub fn advice(
     Some(format!(
         "at {} one cell in twenty has a local error over {}; {} of it comes from {cause}{remedy}; {}--samples {needed} or --target-error 5% brings 95 % of the \
          texels below 5 %",
-        hour(plan.moments[worst.frame].hour),
+        hour(plan.times[worst.frame].hour),
         percent(local.p95),
         percent(share),
         if is_denoised { "" } else { "--denoise auto lowers it; " }
     ))
 }
 
-/// The moments at which something shines and no light was found. Whether it is shut out or was missed, no
+/// The times at which something shines and no light was found. Whether it is shut out or was missed, no
 /// estimate can tell.
 fn unseen(plan: &Plan, stored: &Stored) -> Option<String> {
     let is_unseen = |&frame: &usize| !plan.layers_of(frame).is_empty() && stored.errors.frame(frame).light <= 0.0;
-    let unseen: Vec<usize> = (0..plan.moments.len()).filter(is_unseen).collect();
-    let first = plan.moments.get(*unseen.first()?)?;
+    let unseen: Vec<usize> = (0..plan.times.len()).filter(is_unseen).collect();
+    let first = plan.times.get(*unseen.first()?)?;
     let others = match unseen.len() - 1 {
         0 => String::new(),
         n => format!(" and {n} more"),
@@ -157,7 +157,7 @@ pub fn of_bake(
     layers: LayerCount,
 ) -> Vec<String> {
     let page = f64::from(atlas.width) * f64::from(atlas.page_height) * f64::from(atlas.pages);
-    let extras = plan.moments.iter().filter(|m| m.extra).count();
+    let extras = plan.times.iter().filter(|m| m.extra).count();
     let lit = geometry.instances.iter().filter(|i| i.lightmap).count();
     let mut facts = vec![
         format!(
@@ -186,7 +186,7 @@ pub fn of_bake(
             count(stored.buried_texels, "texel")
         ),
         format!(
-            "{} marked invalid because no sample found light at any moment",
+            "{} marked invalid because no sample found light at any time",
             count(stored.unlit_texels, "texel")
         ),
         format!(

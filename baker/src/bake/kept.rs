@@ -21,10 +21,10 @@ pub fn missing(plan: &Plan, layers: &Layers, base: &str, digests: &[String]) -> 
 /// it: by other colours, intensities or schedules, or together with others. `light`: all layers.
 pub fn missing_target(plan: &Plan, light: &Light, target: f64) -> Result<Vec<usize>> {
     let mut found = BTreeSet::new();
-    for moment in 0..plan.moments.len() {
-        let of_moment = plan.layers_of(moment);
-        if !of_moment.iter().all(|layer| found.contains(layer)) && light.is_missed(moment, target)? {
-            found.extend(of_moment);
+    for time in 0..plan.times.len() {
+        let of_time = plan.layers_of(time);
+        if !of_time.iter().all(|layer| found.contains(layer)) && light.is_missed(time, target)? {
+            found.extend(of_time);
         }
     }
     Ok(found.into_iter().collect())

@@ -17,7 +17,7 @@ use std::time::Duration;
 /// What to bake, apart from the scene.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// The moments; not looked at for a transfer, which has its own.
+    /// The times; not looked at for a transfer, which has its own.
     pub hours: Hours,
     /// At most this many more where light changes fast; a transfer has its light at those, too.
     pub extra_times: u32,
@@ -52,7 +52,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// The defaults, for these moments.
+    /// The defaults, for these times.
     pub fn new(hours: Hours) -> Self {
         Options {
             hours,

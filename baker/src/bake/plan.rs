@@ -1,4 +1,4 @@
-//! What will be traced: moments, the distinct layers they need, and what was left out and why.
+//! What will be traced: times, the distinct layers they need, and what was left out and why.
 
 use super::json;
 use super::layers::Part;
@@ -9,7 +9,7 @@ use crate::light::ground;
 use crate::light::group::GroupSampler;
 use crate::light::guide::SkyGuide;
 use crate::light::harmonics;
-use crate::light::schedule::{Hours, Moment, switches_outside};
+use crate::light::schedule::{Hours, TimePoint, switches_outside};
 use crate::light::sky::{self, SkyTable};
 use crate::light::sun::{self, SunDisc};
 use crate::scene::{Baked, Lamp, Scene, Sky};
@@ -19,24 +19,24 @@ use dataset::config::TransferPart;
 use dataset::console::count;
 use glam::{DVec3, Vec3};
 
-/// The layers of a bake and how each moment is made of them.
+/// The layers of a bake and how each time is made of them.
 #[derive(Debug)]
 pub struct Plan {
-    /// The moments, ascending.
-    pub moments: Vec<Moment>,
+    /// The times, ascending.
+    pub times: Vec<TimePoint>,
     /// Those of them that were added where light changes fast.
     pub extra_times: ExtraTimes,
-    /// Distinct suns: moments with the same sun share its layer.
+    /// Distinct suns: times with the same sun share its layer.
     pub suns: Vec<SunDisc>,
-    /// Per moment, its sun among `suns`.
+    /// Per time, its sun among `suns`.
     pub sun_of: Vec<Option<usize>>,
     /// Distinct skies that are not black: the hour of each (the first of those that share it).
     pub sky_hours: Vec<f64>,
     /// What each is called.
     sky_names: Vec<String>,
-    /// Per moment, its sky among `sky_hours`.
+    /// Per time, its sky among `sky_hours`.
     pub sky_of: Vec<Option<usize>>,
-    /// The groups that shine at some moment.
+    /// The groups that shine at some time.
     pub groups: Vec<PlannedGroup>,
     /// Per group of the scene, its place among `groups`.
     pub place_of_group: Vec<Option<usize>>,
@@ -71,7 +71,7 @@ pub struct PlannedGroup {
 impl Plan {
     /// Plans the bake of `scene` at `hours`, and at no more than `most` extra times.
     pub fn new(scene: &Scene, geometry: &Geometry, hours: &Hours, most: u32) -> Self {
-        let (moments, extra_times) = extra_times::moments(scene, hours, most);
+        let (times, extra_times) = extra_times::time_points(scene, hours, most);
         let mut left_out = Vec::new();
         left_out.extend(extra_times.left_out());
         let outside = switches_outside(hours, &scene.groups);
@@ -81,10 +81,10 @@ impl Plan {
                 outside.iter().map(|&at| hour(at)).collect::<Vec<_>>().join(", ")
             ));
         }
-        let (suns, sun_of) = plan_suns(scene, &moments, &mut left_out);
-        let (skies, sky_of) = plan_skies(scene, &moments, &mut left_out);
+        let (suns, sun_of) = plan_suns(scene, &times, &mut left_out);
+        let (skies, sky_of) = plan_skies(scene, &times, &mut left_out);
 
-        // Groups: only those some moment shows, and that shine.
+        // Groups: only those some time shows, and that shine.
         let mut groups = Vec::new();
         let mut place_of_group = vec![None; scene.groups.len()];
         for (g, group) in scene.groups.iter().enumerate() {
@@ -92,8 +92,8 @@ impl Plan {
                 left_out.push(format!("group \"{}\" is not traced: baked = \"none\"", group.name));
                 continue;
             }
-            if !moments.iter().any(|m| m.groups_on[g]) {
-                left_out.push(format!("group \"{}\" is not traced: off at every moment baked", group.name));
+            if !times.iter().any(|m| m.groups_on[g]) {
+                left_out.push(format!("group \"{}\" is not traced: off at every time baked", group.name));
                 continue;
             }
             let planned = PlannedGroup::new(group, g, geometry);
@@ -117,7 +117,7 @@ impl Plan {
         }
         let sky_names = skies.iter().map(|&at| sky_name(scene, at)).collect();
         Plan {
-            moments,
+            times,
             extra_times,
             suns,
             sun_of,
@@ -137,16 +137,16 @@ impl Plan {
         self.suns.len() + self.sky_hours.len() + self.groups.len()
     }
 
-    /// The layers whose sum is the light of a moment, ascending.
-    pub fn layers_of(&self, moment: usize) -> Vec<usize> {
-        let sky = self.sky_of[moment].map(|s| self.suns.len() + s);
-        self.sun_of[moment].into_iter().chain(sky).chain(self.group_layers_of(moment)).collect()
+    /// The layers whose sum is the light of a time, ascending.
+    pub fn layers_of(&self, time: usize) -> Vec<usize> {
+        let sky = self.sky_of[time].map(|s| self.suns.len() + s);
+        self.sun_of[time].into_iter().chain(sky).chain(self.group_layers_of(time)).collect()
     }
 
-    /// The layers of the groups that are lit at a moment.
-    pub fn group_layers_of(&self, moment: usize) -> impl Iterator<Item = usize> + '_ {
+    /// The layers of the groups that are lit at a time.
+    pub fn group_layers_of(&self, time: usize) -> impl Iterator<Item = usize> + '_ {
         let first = self.suns.len() + self.sky_hours.len();
-        let on = &self.moments[moment].groups_on;
+        let on = &self.times[time].groups_on;
         on.iter()
             .zip(&self.place_of_group)
             .filter(|(on, _)| **on)
@@ -168,8 +168,8 @@ impl Plan {
         let n = self.suns.len();
         match (layer < n, self.group_of_layer(layer)) {
             (true, _) => {
-                let moment = self.sun_of.iter().position(|s| *s == Some(layer)).unwrap_or(0);
-                format!("sun at {}", hour(self.moments[moment].hour))
+                let time = self.sun_of.iter().position(|s| *s == Some(layer)).unwrap_or(0);
+                format!("sun at {}", hour(self.times[time].hour))
             }
             (_, Some(group)) => format!("group \"{}\"", group.name),
             _ => self.sky_names[layer - n].clone(),
@@ -281,15 +281,15 @@ pub fn hour(hour: f64) -> String {
     format!("{}:{:02}", minutes / 60, minutes % 60)
 }
 
-/// The distinct suns, and which one each moment has.
+/// The distinct suns, and which one each time has.
 fn plan_suns(
     scene: &Scene,
-    moments: &[Moment],
+    times: &[TimePoint],
     left_out: &mut Vec<String>,
 ) -> (Vec<SunDisc>, Vec<Option<usize>>) {
     let mut suns: Vec<SunDisc> = Vec::new();
     let traced = scene.sun.as_ref().filter(|_| scene.sun_baked != Baked::None);
-    let sun_of: Vec<Option<usize>> = moments
+    let sun_of: Vec<Option<usize>> = times
         .iter()
         .map(|m| {
             let disc = sun::at(traced?, scene.place.as_ref(), m.hour)?;
@@ -306,29 +306,29 @@ fn plan_suns(
         left_out.push("no sun rays: the scene has no sun".to_owned());
     } else if scene.sun_baked == Baked::None {
         left_out.push("no sun rays: [sun] baked = \"none\"".to_owned());
-    } else if with_sun < moments.len() {
+    } else if with_sun < times.len() {
         left_out.push(format!(
             "no sun rays at {} of {}: the sun gives no light then",
-            moments.len() - with_sun,
-            count(moments.len(), "moment")
+            times.len() - with_sun,
+            count(times.len(), "time")
         ));
     }
     if suns.len() < with_sun {
-        left_out.push(format!("{with_sun} moments with sun share {}", count(suns.len(), "distinct sun")));
+        left_out.push(format!("{with_sun} times with sun share {}", count(suns.len(), "distinct sun")));
     }
     (suns, sun_of)
 }
 
-/// The distinct skies that are not black (their hours), and which one each moment has.
+/// The distinct skies that are not black (their hours), and which one each time has.
 fn plan_skies(
     scene: &Scene,
-    moments: &[Moment],
+    times: &[TimePoint],
     left_out: &mut Vec<String>,
 ) -> (Vec<f64>, Vec<Option<usize>>) {
     let mut skies: Vec<(f64, Vec<Vec3>)> = Vec::new();
     let mut black = 0;
-    let mut sky_of = vec![None; moments.len()];
-    for (m, sky_of) in moments.iter().zip(&mut sky_of) {
+    let mut sky_of = vec![None; times.len()];
+    for (m, sky_of) in times.iter().zip(&mut sky_of) {
         let signature = match scene.sky_baked {
             Baked::None => Vec::new(),
             _ => signature(scene, m.hour),
@@ -342,19 +342,19 @@ fn plan_skies(
             skies.len() - 1
         }));
     }
-    let lit = moments.len() - black;
+    let lit = times.len() - black;
     if scene.sky.is_none() {
         left_out.push("no sky lookups: the scene has no sky".to_owned());
     } else if scene.sky_baked == Baked::None {
         left_out.push("no sky lookups: [sky] baked = \"none\"".to_owned());
     } else if lit == 0 {
-        left_out.push("no sky lookups: the sky is black at every moment".to_owned());
+        left_out.push("no sky lookups: the sky is black at every time".to_owned());
     } else if black > 0 {
-        left_out.push(format!("no sky at {black} of {}: it is black then", count(moments.len(), "moment")));
+        left_out.push(format!("no sky at {black} of {}: it is black then", count(times.len(), "time")));
     }
     if skies.len() < lit {
         left_out.push(format!(
-            "{lit} moments with light in the sky share {}",
+            "{lit} times with light in the sky share {}",
             if skies.len() == 1 { "one".to_owned() } else { format!("{} distinct skies", skies.len()) }
         ));
     }

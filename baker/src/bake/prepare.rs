@@ -150,14 +150,14 @@ impl Prepared {
         Ok((atlas, hidden.rays))
     }
 
-    /// Per moment, which of these layers (ascending) it is made of, by their place among them, and what each
+    /// Per time, which of these layers (ascending) it is made of, by their place among them, and what each
     /// is multiplied by.
     pub fn frames(&self, layers: &[usize]) -> Vec<Parts> {
-        let of_moment = |moment| {
-            let parts = self.plan.layers_of(moment).into_iter();
+        let of_time = |time| {
+            let parts = self.plan.layers_of(time).into_iter();
             parts.filter_map(|l| Some((layers.binary_search(&l).ok()?, self.plan.scale_of(l)))).collect()
         };
-        (0..self.plan.moments.len()).map(of_moment).collect()
+        (0..self.plan.times.len()).map(of_time).collect()
     }
 
     /// The settings as they go into the manifest, and the digest of all that decides the dataset.
@@ -168,9 +168,9 @@ impl Prepared {
         self.digests.iter().for_each(|d| {
             hash.update(d.as_bytes());
         });
-        let moments: Vec<(f64, &[bool])> =
-            self.plan.moments.iter().map(|m| (m.hour, &m.groups_on[..])).collect();
-        hash.update(&json::bytes(&(moments, &settings), "settings")?);
+        let times: Vec<(f64, &[bool])> =
+            self.plan.times.iter().map(|m| (m.hour, &m.groups_on[..])).collect();
+        hash.update(&json::bytes(&(times, &settings), "settings")?);
         if let Some(transfer) = &self.transfer {
             hash.update(&json::bytes(transfer, "transfer")?);
         }

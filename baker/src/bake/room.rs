@@ -70,7 +70,7 @@ impl Disk {
         let trial = if is_judged { traced + filtered } else { 0 };
         let blocks = n * (15 + SUMS * (count + met) + DIRECT * (count - skies));
         Disk {
-            dataset: IMAGE * sketch.page_texels() * (plan.moments.len() + plan.layers()) as u64,
+            dataset: IMAGE * sketch.page_texels() * (plan.times.len() + plan.layers()) as u64,
             traced,
             filtered,
             work: if count == 0 { 0 } else { blocks + cache + trial },

@@ -75,7 +75,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         "{}: {}, {}, {}",
         scene.name,
         count(geometry.triangles.len(), "triangle"),
-        count(plan.moments.len(), "frame"),
+        count(plan.times.len(), "frame"),
         count(plan.layers(), "layer")
     ));
 
@@ -140,7 +140,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         check_layers(&prepared, &atlas, &assembler, &chosen, samples, console)
     });
     let check = check.transpose()?;
-    let progress = console.progress("writing", (plan.groups.len() + plan.moments.len()) as u64);
+    let progress = console.progress("writing", (plan.groups.len() + plan.times.len()) as u64);
     let baked = BakedParts {
         sun: if scene.sun.is_some() { scene.sun_baked } else { Baked::None },
         sky: if scene.sky.is_some() { scene.sky_baked } else { Baked::None },
@@ -203,8 +203,8 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         integrator: if traced.is_unsettled { Integrator::Path } else { prepared.integrator },
         size: [atlas.width, atlas.page_height],
         pages: atlas.pages,
-        frames: plan.moments.len(),
-        hours: plan.moments.iter().map(|m| m.hour).collect(),
+        frames: plan.times.len(),
+        hours: plan.times.iter().map(|m| m.hour).collect(),
         texels: valid_texels,
         samples: traced.samples().unwrap_or(limits.samples),
         mean_samples: last.map_or(f64::from(limits.samples), |r| r.mean_samples),

@@ -40,9 +40,9 @@ pub fn of_scene(
         ));
     }
     let upper = is_upper(&scene);
-    let (moments, _) = extra_times::moments(&scene, &Hours::day(), most);
-    let moments: Vec<f64> = moments.iter().map(|moment| moment.hour).collect();
-    let light = moments.iter().zip(coefficients(&scene, &moments));
+    let (times, _) = extra_times::time_points(&scene, &Hours::day(), most);
+    let times: Vec<f64> = times.iter().map(|time| time.hour).collect();
+    let light = times.iter().zip(coefficients(&scene, &times));
     let transfer = Transfer {
         scene: scene.name.clone(),
         inputs,

@@ -4,7 +4,7 @@
 //! linearly between times. At dawn and dusk it falls by powers of ten in an hour. How the mean of a page goes
 //! is known well enough from the sun and the sky alone, so that the times are found before any ray is traced.
 
-use super::schedule::{self, Hours, Moment, is_on};
+use super::schedule::{self, Hours, TimePoint, is_on};
 use super::sky::Illuminance;
 use super::{luminance, sun};
 use crate::scene::{Baked, Scene};
@@ -82,16 +82,16 @@ pub fn percent(share: f64) -> String {
     if share < 0.0995 { format!("{:.1} %", share * 100.0) } else { format!("{:.0} %", share * 100.0) }
 }
 
-/// The moments of a bake: those of [`schedule::moments`], and at most `most` more where interpolated light
+/// The times of a bake: those of [`schedule::time_points`], and at most `most` more where interpolated light
 /// would err.
-pub fn moments(scene: &Scene, hours: &Hours, most: u32) -> (Vec<Moment>, ExtraTimes) {
-    let mut moments = schedule::moments(hours, &scene.groups);
+pub fn time_points(scene: &Scene, hours: &Hours, most: u32) -> (Vec<TimePoint>, ExtraTimes) {
+    let mut points = schedule::time_points(hours, &scene.groups);
     if hours.ranges.is_empty() {
-        return (moments, ExtraTimes::default());
+        return (points, ExtraTimes::default());
     }
-    let asked = gaps(&moments, hours, &Smooth::new(scene));
+    let asked = gaps(&points, hours, &Smooth::new(scene));
     if is_steady(&asked) {
-        return (moments, ExtraTimes::default());
+        return (points, ExtraTimes::default());
     }
     let worst = |gaps: &[Gap]| gaps.iter().map(Gap::error).fold(0.0, f64::max);
     let error_before = worst(&asked);
@@ -110,14 +110,14 @@ pub fn moments(scene: &Scene, hours: &Hours, most: u32) -> (Vec<Moment>, ExtraTi
         error_before: Some(error_before),
         error_after: Some(worst(&gaps)),
     };
-    moments.extend(extra.added.iter().map(|time| Moment {
+    points.extend(extra.added.iter().map(|time| TimePoint {
         hour: time.hour,
         groups_on: scene.groups.iter().map(|group| is_on(&group.on, time.hour)).collect(),
         extra: false,
         refines: true,
     }));
-    moments.sort_by(|a, b| a.hour.total_cmp(&b.hour));
-    (moments, extra)
+    points.sort_by(|a, b| a.hour.total_cmp(&b.hour));
+    (points, extra)
 }
 
 /// A time in micro-hours as an hour of the day.
@@ -148,10 +148,10 @@ impl<'a> Smooth<'a> {
     }
 }
 
-/// The time between two neighbouring moments between which light is interpolated.
+/// A gap between two neighbouring times between which light is interpolated.
 #[derive(Clone, Debug)]
 struct Gap {
-    /// Times in micro-hours, the first and the last those of moments, the others whole minutes; and the light
+    /// Times in micro-hours, the first and the last those of time points, the others whole minutes; and the light
     /// at each. The last may be past midnight.
     light: Vec<(i64, f64)>,
     /// Light below this counts as this much.
@@ -229,18 +229,18 @@ impl Gap {
 }
 
 /// The stretches of time over which light is interpolated: within the ranges that were asked for, between
-/// moments that show the same lamps and are not close to each other.
-fn gaps(moments: &[Moment], hours: &Hours, smooth: &Smooth) -> Vec<Gap> {
+/// times that show the same lamps and are not close to each other.
+fn gaps(points: &[TimePoint], hours: &Hours, smooth: &Smooth) -> Vec<Gap> {
     let micro = |hour: f64| (hour * 1e6).round() as i64;
-    let next = |k: usize| match moments.get(k + 1) {
+    let next = |k: usize| match points.get(k + 1) {
         Some(next) => (micro(next.hour), next),
         // Around midnight.
-        None => (micro(moments[0].hour) + DAY, &moments[0]),
+        None => (micro(points[0].hour) + DAY, &points[0]),
     };
-    let pairs = moments.iter().enumerate().filter_map(|(k, moment)| {
-        let (from, (to, next)) = (micro(moment.hour), next(k));
-        let is_asked = hours.spans([moment.hour, to as f64 / 1e6]);
-        (is_asked && to - from > CLOSE && moment.groups_on == next.groups_on).then_some([from, to])
+    let pairs = points.iter().enumerate().filter_map(|(k, point)| {
+        let (from, (to, next)) = (micro(point.hour), next(k));
+        let is_asked = hours.spans([point.hour, to as f64 / 1e6]);
+        (is_asked && to - from > CLOSE && point.groups_on == next.groups_on).then_some([from, to])
     });
     let mut gaps: Vec<Gap> = pairs.map(|pair| Gap::new(pair, smooth)).collect();
     let floor = FLOOR * gaps.iter().map(Gap::greatest).fold(0.0, f64::max);

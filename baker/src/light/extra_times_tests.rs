@@ -39,9 +39,9 @@ fn track(keys: &[(f64, f64)]) -> Scene {
 
 fn times(scene: &Scene, hours: &str, most: u32) -> ExtraTimes {
     let hours = parse_hours(hours).unwrap();
-    let (moments, extra) = moments(scene, &hours, most);
-    assert!(moments.is_sorted_by(|a, b| a.hour < b.hour));
-    let refining: Vec<f64> = moments.iter().filter(|m| m.refines).map(|m| m.hour).collect();
+    let (points, extra) = time_points(scene, &hours, most);
+    assert!(points.is_sorted_by(|a, b| a.hour < b.hour));
+    let refining: Vec<f64> = points.iter().filter(|m| m.refines).map(|m| m.hour).collect();
     assert_eq!(refining, hours_of(&extra));
     assert!(extra.added.len() <= most as usize);
     extra
@@ -167,12 +167,12 @@ fn between_the_sides_of_a_switch_light_is_held() {
     };
     // A lamp at 19:45, in the midst of dusk.
     let scene = Scene { groups: vec![lamp(19.75)], ..spring() };
-    let (moments, extra) = moments(&scene, &Hours::day(), 100);
+    let (points, extra) = time_points(&scene, &Hours::day(), 100);
     assert!(extra.added.len() > 3);
-    for moment in moments.iter().filter(|moment| moment.refines) {
-        assert!(!(19.65..=19.85).contains(&moment.hour), "{}", moment.hour);
-        assert_eq!(moment.groups_on, [moment.hour > 19.75 && moment.hour < 23.0]);
-        assert!(!moment.extra);
+    for point in points.iter().filter(|point| point.refines) {
+        assert!(!(19.65..=19.85).contains(&point.hour), "{}", point.hour);
+        assert_eq!(point.groups_on, [point.hour > 19.75 && point.hour < 23.0]);
+        assert!(!point.extra);
     }
-    assert_eq!(moments.iter().filter(|moment| moment.extra).count(), 3);
+    assert_eq!(points.iter().filter(|point| point.extra).count(), 3);
 }

@@ -6,7 +6,7 @@
 use crate::scene::{Baked, Group};
 use dataset::typed::clock;
 
-/// The moments to bake, before the switch extras.
+/// The times to bake, before the switch extras.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Hours {
     /// Ascending, distinct, in [0, 24).
@@ -42,9 +42,9 @@ impl Hours {
     }
 }
 
-/// A moment to bake.
+/// A time to bake.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Moment {
+pub struct TimePoint {
     /// In [0, 24).
     pub hour: f64,
     /// Per group of the scene: lit?
@@ -153,7 +153,7 @@ pub fn is_on(on: &[[f64; 2]], hour: f64) -> bool {
     lit_before(on, time) && lit_after(on, time)
 }
 
-/// Whether a switch lies among the requested moments: anywhere in a whole day, else between the first and the
+/// Whether a switch lies among the requested times: anywhere in a whole day, else between the first and the
 /// last.
 fn is_within(hours: &Hours, requested: &[i64], instant: i64) -> bool {
     let ends = requested.first().zip(requested.last());
@@ -175,7 +175,7 @@ pub fn switches_outside(hours: &Hours, groups: &[Group]) -> Vec<f64> {
 /// what 18.1 would. A frame at the very instant shows the side on which the group is off. Where several groups
 /// switch at once, the sides each of them lacks are added together. An extra for which less than two
 /// micro-hours are left is dropped.
-pub fn moments(hours: &Hours, groups: &[Group]) -> Vec<Moment> {
+pub fn time_points(hours: &Hours, groups: &[Group]) -> Vec<TimePoint> {
     let requested: Vec<i64> = sorted(hours.list.iter().map(|&h| micro(h).rem_euclid(DAY)).collect());
     let switches = sorted(baked(groups).flat_map(|g| switches_of(&g.on)).collect());
     let mut extras = Vec::new();
@@ -196,7 +196,7 @@ pub fn moments(hours: &Hours, groups: &[Group]) -> Vec<Moment> {
             });
             let gap = if side < 0 { instant - previous } else { next - instant };
             let gap = if gap <= 0 { gap + DAY } else { gap };
-            // (The middle of an odd gap is one moment, seen from either end.)
+            // (The middle of an odd gap is one time, seen from either end.)
             let half = if side < 0 && gap > 1 { gap - gap / 2 } else { gap / 2 };
             let reach = REACH.min(half);
             // Distance from the instant to a frame, going to this side.
@@ -211,13 +211,13 @@ pub fn moments(hours: &Hours, groups: &[Group]) -> Vec<Moment> {
     }
     let extras = sorted(extras);
     let all = sorted(requested.iter().chain(&extras).copied().collect());
-    let moment = |time: i64| Moment {
+    let point = |time: i64| TimePoint {
         hour: self::hours(time),
         groups_on: groups.iter().map(|g| is_on(&g.on, self::hours(time))).collect(),
         extra: requested.binary_search(&time).is_err(),
         refines: false,
     };
-    all.into_iter().map(moment).collect()
+    all.into_iter().map(point).collect()
 }
 
 /// The groups whose switches lightmaps show.

@@ -14,13 +14,13 @@ fn extras(groups: &[Group]) -> Vec<f64> {
 }
 
 fn extras_of(hours: &str, groups: &[Group]) -> Vec<f64> {
-    moments(&parse_hours(hours).unwrap(), groups).iter().filter(|m| m.extra).map(|m| m.hour).collect()
+    time_points(&parse_hours(hours).unwrap(), groups).iter().filter(|m| m.extra).map(|m| m.hour).collect()
 }
 
 #[test]
 fn evening_to_morning_needs_two_extras() {
     let groups = [group(&[[18.0, 6.0]])];
-    let all = moments(&parse_hours("0..24").unwrap(), &groups);
+    let all = time_points(&parse_hours("0..24").unwrap(), &groups);
     assert_eq!(all.len(), 26);
     assert!(all.is_sorted_by(|a, b| a.hour < b.hour));
     assert_eq!(extras(&groups), [5.9, 18.1]);
@@ -199,7 +199,7 @@ fn random_schedules_show_every_side_and_nothing_else() {
             ));
         }
         let hours = parse_hours(["0..24", "0..24/3", "0..24/0.5", "0..24/24"][trial as usize % 4]).unwrap();
-        let all = moments(&hours, &groups);
+        let all = time_points(&hours, &groups);
         assert!(all.is_sorted_by(|a, b| a.hour < b.hour), "trial {trial}");
         let milli = |h: f64| (h * 1e3 * 4.0).round() as i64; // a quarter of 0.001 h: half gaps stay whole, switches stand on multiples of 4
         let day = milli(24.0);
@@ -235,17 +235,17 @@ fn random_schedules_show_every_side_and_nothing_else() {
                 }
             }
         }
-        for (k, moment) in all.iter().enumerate() {
-            assert_eq!(moment.extra, !hours.list.contains(&moment.hour));
-            assert!(!moment.extra || useful[k], "trial {trial}: {} is superfluous in {all:?}", moment.hour);
+        for (k, point) in all.iter().enumerate() {
+            assert_eq!(point.extra, !hours.list.contains(&point.hour));
+            assert!(!point.extra || useful[k], "trial {trial}: {} is superfluous in {all:?}", point.hour);
         }
     }
 }
 
 /// Ascending, distinct, in the day, no more than the hours and two per switch.
-fn check_sane(hours: &str, groups: &[Group]) -> Vec<Moment> {
+fn check_sane(hours: &str, groups: &[Group]) -> Vec<TimePoint> {
     let hours = parse_hours(hours).unwrap();
-    let all = moments(&hours, groups);
+    let all = time_points(&hours, groups);
     assert!(all.windows(2).all(|pair| pair[0].hour < pair[1].hour), "{all:?}");
     assert!(all.iter().all(|m| (0.0..24.0).contains(&m.hour) && m.groups_on.len() == groups.len()));
     assert_eq!(all.iter().filter(|m| !m.extra).map(|m| m.hour).collect::<Vec<_>>(), hours.list);
@@ -281,7 +281,7 @@ fn always_never_and_for_a_second() {
     assert!(all.iter().all(|m| m.groups_on[1] && !m.groups_on[2]));
 }
 
-/// A switch on an hour, at 0:00 and at 24:00: the same moment of the circle.
+/// A switch on an hour, at 0:00 and at 24:00: the same time of the circle.
 #[test]
 fn midnight_is_one_moment() {
     let evening = [group(&[[18.0, 24.0]]), group(&[[0.0, 6.0]])];
@@ -298,7 +298,7 @@ fn midnight_is_one_moment() {
     assert!(all[0].groups_on[0] && all.iter().all(|m| m.hour != 0.1 && m.hour != 23.9));
 }
 
-/// Two switches within a minute, of one group and of two: a moment between them, and both sides.
+/// Two switches within a minute, of one group and of two: a time between them, and both sides.
 #[test]
 fn switches_within_a_minute() {
     let half_minute = 30.0 / 3600.0;
@@ -339,7 +339,7 @@ fn two_hundred_schedules() {
     let all = check_sane("0..24", &groups);
     for (g, group) in groups.iter().enumerate() {
         for &[from, to] in &group.on {
-            // Between the ends some moment is lit, and just outside one is not, no farther than an extra
+            // Between the ends some time is lit, and just outside one is not, no farther than an extra
             // reaches.
             assert!(all.iter().any(|m| from < m.hour && m.hour < to && m.groups_on[g]), "{g}: {from}..{to}");
             let dark =
@@ -364,7 +364,7 @@ fn groups_that_are_not_baked_switch_nothing() {
     let left = Group { baked: Baked::None, ..group(&[[20.25, 23.0]]) };
     let indirect = Group { baked: Baked::Indirect, ..group(&[[7.25, 8.5]]) };
     let hours = |groups: &[Group]| {
-        moments(&parse_hours("0..24").unwrap(), groups).iter().map(|m| m.hour).collect::<Vec<_>>()
+        time_points(&parse_hours("0..24").unwrap(), groups).iter().map(|m| m.hour).collect::<Vec<_>>()
     };
     let extras =
         |groups: &[Group]| hours(groups).into_iter().filter(|hour| hour.fract() != 0.0).collect::<Vec<_>>();

@@ -39,7 +39,7 @@ const TWILIGHT_LUX: [f64; 19] = [
     4.557e-3, 2.916e-3, 2.023e-3, 1.443e-3, 1.003e-3, 6.447e-4,
 ];
 
-/// The sky at one moment.
+/// The sky at one time.
 pub(super) enum SkyAt {
     /// The same in all directions, below the horizon too.
     Constant(Rgb),

@@ -6,7 +6,7 @@ use glam::{DVec3, Vec2, Vec3};
 use solar_positioning::{Location, SolarPositions, delta_t, time::JulianDate};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// The sun's disc at one moment, as far as it stands above the horizon (authored suns have no horizon).
+/// The sun's disc at one time, as far as it stands above the horizon (authored suns have no horizon).
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct SunDisc {
     /// Unit vector towards its centre.

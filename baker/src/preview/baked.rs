@@ -1,7 +1,7 @@
-//! The texels of a moment, read as a game reads them.
+//! The texels of a blend, read as a game reads them.
 
 use super::bundle::{Compressed, of_bundle};
-use super::moment::Moment;
+use super::blend::Blend;
 use super::places::Places;
 use crate::{Result, Rgb};
 use dataset::image::Image;
@@ -15,11 +15,11 @@ pub struct Baked {
 }
 
 impl Baked {
-    /// Reads the frames of a moment and sums them.
-    pub fn read(dataset: &Dataset, moment: &Moment, places: Places) -> Result<Self> {
+    /// Reads the frames of a blend and sums them.
+    pub fn read(dataset: &Dataset, blend: &Blend, places: Places) -> Result<Self> {
         let sum = |page: usize| -> Result<Image> {
             let mut sum: Option<Image> = None;
-            for &(frame, weight) in &moment.parts {
+            for &(frame, weight) in &blend.parts {
                 let map = dataset.map(frame, page)?;
                 let sum = sum.get_or_insert_with(|| Image::black(map.width, map.height));
                 let values = sum.texels.as_flattened_mut().iter_mut().zip(map.texels.as_flattened());

@@ -72,8 +72,8 @@ impl Compressed {
         /// Sets this far apart, in hours, leave a part of the day that nobody baked.
         const FAR: f64 = 12.0;
         let (path, timeline) = (self.path.display(), &self.decoder.bundle().header.timeline);
-        let moment = timeline.at(hour);
-        let [from, to] = [moment.a, moment.b].map(|frame| timeline.hours[frame]);
+        let blend = timeline.at(hour);
+        let [from, to] = [blend.a, blend.b].map(|frame| timeline.hours[frame]);
         let mut doubts = Vec::new();
         if self.info["inputs"].as_str().is_some_and(|inputs| inputs != config.digest_of_light()) {
             doubts.push(format!(
@@ -92,7 +92,7 @@ impl Compressed {
             ));
         }
         if !timeline.shows(hour) {
-            let frame = timeline.hours[moment.a];
+            let frame = timeline.hours[blend.a];
             doubts.push(format!(
                 "no frame of {path} has the lamps as they are at {hour:.2} h: the picture shows the light of {frame:.2} h"
             ));

@@ -1,4 +1,4 @@
-//! What shines at a moment: the layers that its frames are made of, each with its share.
+//! The layers of the frames that are shown, each with its share.
 
 use crate::Rgb;
 use crate::bake::plan::Plan;
@@ -9,7 +9,7 @@ use crate::trace::lights::Lights;
 use glam::Vec3;
 use std::collections::BTreeMap;
 
-/// The light of a moment.
+/// The light that is shown.
 pub struct Light {
     /// One layer per distinct sun, sky and group that shines.
     pub lights: Lights,
@@ -25,7 +25,7 @@ impl Light {
         let plan = Plan::new(scene, geometry, &Hours { list, ..Hours::default() }, 0);
         let mut shares: BTreeMap<usize, Rgb> = BTreeMap::new();
         for &(hour, weight) in hours {
-            if let Some(m) = plan.moments.iter().position(|m| (m.hour - hour).abs() < 1e-6) {
+            if let Some(m) = plan.times.iter().position(|m| (m.hour - hour).abs() < 1e-6) {
                 for layer in plan.layers_of(m) {
                     *shares.entry(layer).or_default() += weight * plan.scale_of(layer);
                 }

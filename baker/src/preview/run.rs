@@ -3,7 +3,7 @@
 use super::baked::Baked;
 use super::bundle::Compressed;
 use super::light::Light;
-use super::moment::Moment;
+use super::blend::Blend;
 use super::options::Options;
 use super::picture::Picture;
 use super::places::Places;
@@ -51,16 +51,16 @@ struct Source {
 
 /// The lightmaps of a dataset.
 fn of_frames(dataset: &Dataset, hour: f64, scene: &Scene, places: Places, console: &Console) -> Result<Source> {
-    let moment = Moment::new(&dataset.config, hour);
+    let blend = Blend::new(&dataset.config, hour);
     let mut doubts = Vec::new();
-    if moment.is_doubtful {
-        doubts.push(moment.note.clone());
+    if blend.is_doubtful {
+        doubts.push(blend.note.clone());
     } else {
-        console.say(format!("{hour:.2} h: {}", moment.note));
+        console.say(format!("{hour:.2} h: {}", blend.note));
     }
-    doubts.extend(moment.far(&dataset.config, hour).filter(|_| changes(scene)));
-    let hours = moment.parts.iter().map(|&(frame, weight)| (dataset.config.frames[frame].hour, weight));
-    Ok(Source { hours: hours.collect(), is_set: true, doubts, baked: Baked::read(dataset, &moment, places)? })
+    doubts.extend(blend.far(&dataset.config, hour).filter(|_| changes(scene)));
+    let hours = blend.parts.iter().map(|&(frame, weight)| (dataset.config.frames[frame].hour, weight));
+    Ok(Source { hours: hours.collect(), is_set: true, doubts, baked: Baked::read(dataset, &blend, places)? })
 }
 
 /// What a bundle of the dataset decodes to. Where the bundle lacks the sun's direct light, `scene` loses it,

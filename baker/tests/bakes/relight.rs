@@ -126,7 +126,7 @@ const BOTH: [Integrator; 2] = [Integrator::Cached, Integrator::Path];
 fn schedules_colours_and_intensities_trace_nothing() {
     for integrator in BOTH {
         let mut scene = Scene::new(integrator);
-        // A schedule: other moments, other sums.
+        // A schedule: other times, other sums.
         scene.recompose("[\"18:00\", \"06:00\"]", "[\"17:30\", \"05:00\"]");
         // A colour.
         scene.recompose("[8, 6, 4]", "[3, 5, 9]");

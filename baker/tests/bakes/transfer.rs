@@ -179,7 +179,7 @@ fn another_sun_is_another_transfer_of_the_same_layers() {
     assert_eq!((outcome.up_to_date, outcome.layers.traced, outcome.layers.reused), (false, 0, 30));
     let light = |dataset: &Dataset| dataset.config.transfer.clone().expect("a transfer").light;
     assert!(light(&first) != light(&second));
-    // The day of a bake with lamps has the moments beside their switches.
+    // The day of a bake with lamps has the times beside their switches.
     let lamp = "[[group]]\nname = \"lamp\"\non = [[\"18:00\", \"06:00\"]]\n[[group.sphere]]\ncentre = [1, 1, 1]\nradius = 0.1\n\
         radiance = [1, 1, 1]\n[lightmap]";
     let (outcome, third) = again(&text.replace("[lightmap]", lamp));
@@ -190,7 +190,7 @@ fn another_sun_is_another_transfer_of_the_same_layers() {
     let day = Options::new(Hours::day());
     let day = prepare(&case.stage.path("case.toml"), &day, &Console::silent()).expect("a plan").plan;
     assert!(!day.extra_times.added.is_empty());
-    assert_eq!(hours, day.moments.iter().map(|moment| moment.hour).collect::<Vec<_>>());
+    assert_eq!(hours, day.times.iter().map(|time| time.hour).collect::<Vec<_>>());
     assert!(third.config.groups.is_empty());
     // The lamp put aside, it is the same light, byte for byte.
     let (_, fourth) = again(&text);

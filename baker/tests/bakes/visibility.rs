@@ -84,9 +84,9 @@ fn psnr(light: &[[f32; 3]], traced: &[f32], texels: &[Texel]) -> f64 {
     -10.0 * (sum / exposed().count() as f64 / (peak * peak)).log10()
 }
 
-/// Green of what came straight from the sun at a moment of a bake.
-fn traced(prepared: &Prepared, layers: &Layers, moment: usize) -> Vec<f32> {
-    let layer = prepared.plan.sun_of[moment].unwrap();
+/// Green of what came straight from the sun at a time of a bake.
+fn traced(prepared: &Prepared, layers: &Layers, time: usize) -> Vec<f32> {
+    let layer = prepared.plan.sun_of[time].unwrap();
     layers.read(&prepared.digests[layer], Part::Direct).unwrap().iter().map(|value| value.mean.y).collect()
 }
 
@@ -108,12 +108,12 @@ fn light_at_any_time_is_rebuilt() {
         let (page, rays) = find(&prepared, &layers, &texels, minutes, true);
         assert!(rays > 0);
         let worst = |prepared: &Prepared, layers: &Layers| {
-            let of = |moment: usize| {
-                let hour = prepared.plan.moments[moment].hour;
+            let of = |time: usize| {
+                let hour = prepared.plan.times[time].hour;
                 let light = rebuilt(prepared, &page, &file, &texels, hour);
-                psnr(&light, &traced(prepared, layers, moment), &texels)
+                psnr(&light, &traced(prepared, layers, time), &texels)
             };
-            (0..prepared.plan.moments.len()).map(of).fold(f64::INFINITY, f64::min)
+            (0..prepared.plan.times.len()).map(of).fold(f64::INFINITY, f64::min)
         };
         let between = worst(&withheld, &other);
         let hours = worst(&prepared, &layers);
@@ -145,10 +145,10 @@ fn light_between_the_hours_is_better_than_between_lightmaps() {
     let (withheld, other) = baked(&stage, "withheld", "8.37,10.8,13.13,15.45", 512);
     let texels = layers.texels(&prepared.base()).unwrap();
     let (page, _) = find(&prepared, &layers, &texels, 2.5, false);
-    for (moment, hour) in [8.37_f64, 10.8, 13.13, 15.45].into_iter().enumerate() {
-        let truth = traced(&withheld, &other, moment);
+    for (time, hour) in [8.37_f64, 10.8, 13.13, 15.45].into_iter().enumerate() {
+        let truth = traced(&withheld, &other, time);
         let before = hour as usize - 7;
-        let [a, b] = [before, before + 1].map(|moment| traced(&prepared, &layers, moment));
+        let [a, b] = [before, before + 1].map(|time| traced(&prepared, &layers, time));
         let part = hour.fract() as f32;
         let linear: Vec<[f32; 3]> = a.iter().zip(&b).map(|(a, b)| [a + (b - a) * part; 3]).collect();
         let light = rebuilt(&withheld, &page, &stage.path("page.vis"), &texels, hour);

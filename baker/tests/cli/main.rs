@@ -237,7 +237,7 @@ fn a_plan_traces_nothing_and_writes_nothing() {
         assert!(words.contains(expected), "{words}");
     }
     let object: serde_json::Value = serde_json::from_str(&run(&["--json"])).unwrap();
-    assert!(object["moments"].as_array().unwrap().len() >= 24, "{object}");
+    assert!(object["times"].as_array().unwrap().len() >= 24, "{object}");
     assert!(object["layers"].to_string().contains("lamp"), "{object}");
     assert!(object["left_out"].to_string().contains("cut-outs"), "{object}");
     assert_eq!(object["integrator"], "cached");
@@ -259,10 +259,10 @@ fn a_plan_lists_the_extra_times_and_what_they_avoid() {
     let object = |more: &[&str]| -> serde_json::Value {
         serde_json::from_str(&run(&[more, &["--json"]].concat())).unwrap()
     };
-    let moments = |object: &serde_json::Value| object["moments"].as_array().unwrap().len();
+    let times = |object: &serde_json::Value| object["times"].as_array().unwrap().len();
     let (day, without) = (object(&[]), object(&["--extra-times", "0"]));
     let added = day["extra_times"]["added"].as_array().unwrap();
-    assert_eq!((moments(&day), added.len()), (moments(&without) + 6, 6));
+    assert_eq!((times(&day), added.len()), (times(&without) + 6, 6));
     let errors = |object: &serde_json::Value| {
         ["error_before", "error_after"].map(|key| object["extra_times"][key].as_f64().unwrap())
     };
@@ -270,14 +270,14 @@ fn a_plan_lists_the_extra_times_and_what_they_avoid() {
     assert!(after < 0.5 * before, "{before} {after}");
     assert_eq!(errors(&without), [before; 2]);
     for time in added {
-        assert!(day["moments"].as_array().unwrap().contains(&time["hour"]), "{time}");
+        assert!(day["times"].as_array().unwrap().contains(&time["hour"]), "{time}");
         assert!(time["error_after"].as_f64() < time["error_before"].as_f64(), "{time}");
     }
     assert_eq!(run(&[]).lines().filter(|line| line.starts_with("  extra time ")).count(), 6);
     assert!(run(&["--extra-times", "1"]).contains("left out: no more than 1 extra time (--extra-times)"));
     // One hour is not a range, and has no time between.
     let noon = object(&["--hours", "12"]);
-    assert_eq!((moments(&noon), &noon["visibility"]), (1, &serde_json::Value::Null));
+    assert_eq!((times(&noon), &noon["visibility"]), (1, &serde_json::Value::Null));
     assert_eq!(day["visibility"]["minutes"], 15.0);
     assert_eq!(object(&["--final"])["visibility"]["minutes"], 2.5);
     assert!(run(&[]).contains("find the sun's visibility at "));

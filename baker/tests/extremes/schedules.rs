@@ -68,10 +68,10 @@ fn never_on_is_refused_or_dark() {
     assert!(message.contains("case.toml:6: on = []: expected at least one interval"), "{message}");
     let message = stage.refusal("12", &scene(&["[[7, 7]]".to_owned()]));
     assert!(message.contains("case.toml:6") && message.contains("two different hours"), "{message}");
-    // A group that is off at every moment baked is not traced, and its light is none.
+    // A group that is off at every time baked is not traced, and its light is none.
     let baked = stage.bake("12", 4, &scene(&["[[13, 14]]".to_owned()]));
     assert!(baked.first().texels.iter().all(|t| *t == [0.0; 3]));
-    let told = |f: &String| f.contains("\"g0\"") && f.contains("off at every moment");
+    let told = |f: &String| f.contains("\"g0\"") && f.contains("off at every time");
     assert!(baked.outcome.left_out.iter().any(told), "{:?}", baked.outcome.left_out);
 }
 

@@ -259,8 +259,8 @@ impl<'a> Finder<'a> {
     fn traced(&self, texels: &[usize], by_texel: &[Option<usize>]) -> Result<Vec<Option<Vec<Rgb>>>> {
         let plan = &self.prepared.plan;
         let of_time = |hour: &f64| {
-            let moment = plan.moments.iter().position(|moment| moment.hour == *hour);
-            let Some(layer) = moment.and_then(|moment| plan.sun_of[moment]) else { return Ok(None) };
+            let time = plan.times.iter().position(|time| time.hour == *hour);
+            let Some(layer) = time.and_then(|time| plan.sun_of[time]) else { return Ok(None) };
             let light = self.layers.read_at(&self.prepared.digests[layer], Part::Direct, texels)?;
             let irradiance = plan.suns[layer].irradiance;
             let brightest = irradiance.max_element();

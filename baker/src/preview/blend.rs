@@ -5,7 +5,7 @@ use dataset::config::Config;
 
 /// The frames that show an hour, each with its weight.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Moment {
+pub struct Blend {
     /// Indices of frames; the weights sum to 1.
     pub parts: Vec<(usize, f32)>,
     /// What was chosen, in words.
@@ -14,7 +14,7 @@ pub struct Moment {
     pub is_doubtful: bool,
 }
 
-impl Moment {
+impl Blend {
     /// The frame of this hour; else its two neighbours on the circle of the day, linearly, or, where groups
     /// switch between them, the one whose groups are as they are then; else the nearest frame of all that has
     /// them so (as a bundle decodes).
@@ -23,7 +23,7 @@ impl Moment {
         const SAME: f64 = 1e-6;
         let frames = &config.frames;
         let name = |frame: usize| format!("{:.2} h", frames[frame].hour);
-        let whole = |frame: usize, note: String, is_doubtful: bool| Moment {
+        let whole = |frame: usize, note: String, is_doubtful: bool| Blend {
             parts: vec![(frame, 1.0)],
             note,
             is_doubtful,
@@ -44,7 +44,7 @@ impl Moment {
         match (fits(before), fits(after)) {
             (true, true) => {
                 let weight = (since / (since + until)) as f32;
-                Moment {
+                Blend {
                     parts: vec![(before, 1.0 - weight), (after, weight)],
                     note: format!("linear between the frames of {} and {}", name(before), name(after)),
                     is_doubtful: false,
@@ -73,7 +73,7 @@ impl Moment {
     }
 }
 
-impl Moment {
+impl Blend {
     /// A warning where all of its frames are hours away from what is asked for, and their light may be quite
     /// another; it says which hours there are.
     pub fn far(&self, config: &Config, hour: f64) -> Option<String> {
@@ -129,7 +129,7 @@ mod tests {
     fn hours_are_linear_between_sets_but_not_across_a_switch() {
         let day = [(6.0, false), (12.0, false), (18.0, false), (18.1, true), (22.0, true)];
         let config = config([18.0, 23.0], &day);
-        let parts = |hour: f64| Moment::new(&config, hour).parts;
+        let parts = |hour: f64| Blend::new(&config, hour).parts;
         assert_eq!(parts(12.0), [(1, 1.0)]);
         assert_eq!(parts(7.5), [(0, 0.75), (1, 0.25)]);
         // Lit from 18: at the very instant off, right after it on.
@@ -139,13 +139,13 @@ mod tests {
         // Out at 23: before it the frame of 22, after it that of 6.
         assert_eq!(parts(22.9), [(4, 1.0)]);
         assert_eq!(parts(23.5), [(0, 1.0)]);
-        assert!(!Moment::new(&config, 23.5).is_doubtful);
+        assert!(!Blend::new(&config, 23.5).is_doubtful);
     }
 
     #[test]
     fn hours_far_from_all_that_are_shown_are_told() {
         let morning = config([1.0, 1.5], &[(8.0, false), (9.0, false), (10.0, false)]);
-        let far = |hour: f64| Moment::new(&morning, hour).far(&morning, hour);
+        let far = |hour: f64| Blend::new(&morning, hour).far(&morning, hour);
         for near in [8.0, 8.5, 12.0, 6.5] {
             assert_eq!(far(near), None, "{near}");
         }
@@ -156,26 +156,26 @@ mod tests {
         );
         // The nearest of the day is not shown, for its lamps are others.
         let lit = config([7.0, 9.5], &[(8.0, true), (22.0, false), (23.0, false)]);
-        assert!(Moment::new(&lit, 9.75).far(&lit, 9.75).is_some());
+        assert!(Blend::new(&lit, 9.75).far(&lit, 9.75).is_some());
         // Across midnight it is near.
-        assert_eq!(Moment::new(&lit, 0.5).far(&lit, 0.5), None);
+        assert_eq!(Blend::new(&lit, 0.5).far(&lit, 0.5), None);
     }
 
     #[test]
     fn across_midnight_and_where_nothing_fits() {
         let off = config([1.0, 2.0], &[(6.0, false), (22.0, false)]);
-        assert_eq!(Moment::new(&off, 0.0).parts, [(1, 0.75), (0, 0.25)]);
+        assert_eq!(Blend::new(&off, 0.0).parts, [(1, 0.75), (0, 0.25)]);
         // Lit at 1:30, when no frame shows it.
-        let lit = Moment::new(&off, 1.5);
+        let lit = Blend::new(&off, 1.5);
         assert!(lit.is_doubtful && lit.parts == [(1, 1.0)] && lit.note.contains("nearest"), "{lit:?}");
         // Neither neighbour shows it, but another frame does.
         let far = config([1.0, 20.0], &[(2.0, true), (6.0, false), (12.0, false), (18.0, true)]);
-        let other = Moment::new(&far, 9.5);
+        let other = Blend::new(&far, 9.5);
         assert!(
             other.is_doubtful && other.parts == [(0, 1.0)] && other.note.contains("no neighbour"),
             "{other:?}"
         );
-        let one = Moment::new(&config([1.0, 2.0], &[(6.0, false)]), 1.5);
+        let one = Blend::new(&config([1.0, 2.0], &[(6.0, false)]), 1.5);
         assert!(one.is_doubtful && one.parts == [(0, 1.0)], "{one:?}");
     }
 }
