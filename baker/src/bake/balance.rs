@@ -45,7 +45,7 @@ pub struct Solution {
     pub settled: bool,
 }
 
-/// A landing of a pilot path.
+/// A landing of one of the paths the cache is solved on.
 #[derive(Clone, Copy)]
 pub struct Landing {
     /// Where; none: `u32::MAX`.

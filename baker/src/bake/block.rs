@@ -20,13 +20,13 @@ pub enum Stream {
     /// Points probed for being the texel's surface.
     Probe = 4,
     /// The paths the cache is solved on.
-    Pilot = 6,
+    Solver = 6,
     /// The reference texels are checked against.
     Check = 8,
     /// What bright surfaces are seen.
     View = 10,
     /// Direct light that only decides how many samples it gets.
-    Trial = 12,
+    Pilot = 12,
     /// How much of the sun is seen.
     Visibility = 14,
     /// What is seen from a cell.

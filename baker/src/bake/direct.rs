@@ -1,6 +1,6 @@
 //! Direct light of suns and groups at the texels of a block: samples where they are worth their rays.
 //!
-//! How many they are is decided once, by a few *trial* samples that count for nothing else. Were it decided
+//! How many they are is decided once, by a few *pilot* samples that count for nothing else. Were it decided
 //! by the samples that count, the lucky ones would be kept; were each half to decide for the other, both
 //! would miss the same thin shadow together and agree on a light without it.
 //!
@@ -18,8 +18,8 @@ use crate::trace::path::sun_draw;
 use dataset::console::interrupted;
 use rayon::prelude::*;
 
-/// Trial samples of each texel and light.
-const TRIALS: u16 = 4;
+/// Pilot samples of each texel and light.
+const PILOT_SAMPLES: u16 = 4;
 /// Samples in each half that every texel and light gets where those of indirect light are eight or more; see
 /// [`first`].
 const FIRST: u16 = 4;
@@ -72,22 +72,22 @@ fn halved(samples: u16, halvings: u8) -> u16 {
 }
 
 impl Worker<'_> {
-    /// Draws the trial samples and the first ones that count.
+    /// Draws the pilot samples and the first ones that count.
     pub fn first_direct(&self, surface: &BlockSurface, state: &mut BlockState) -> RayCounts {
         let lights = self.transport.lights.sampled();
-        state.trials = vec![Direct::default(); state.taken.len() * lights];
+        state.pilot = vec![Direct::default(); state.taken.len() * lights];
         let halvings = self.halvings_of(surface, &state.probes);
         let goals = |samples| halvings.iter().map(|&h| halved(samples, h)).collect::<Vec<u16>>();
-        let goals_of_trials = goals(TRIALS);
-        let trial = self.draw_direct(
+        let goals_of_pilot = goals(PILOT_SAMPLES);
+        let rays = self.draw_direct(
             surface,
             &state.probes,
-            &mut state.trials,
-            &goals_of_trials,
-            &[(Stream::Trial, 0)],
+            &mut state.pilot,
+            &goals_of_pilot,
+            &[(Stream::Pilot, 0)],
         );
         let goals = goals(first(self.certain));
-        trial + self.draw_direct(surface, &state.probes, &mut state.direct, &goals, &HALVES)
+        rays + self.draw_direct(surface, &state.probes, &mut state.direct, &goals, &HALVES)
     }
 
     /// Draws the direct samples that go with `samples` of indirect light, in cells that are `active`. `means`
@@ -104,8 +104,8 @@ impl Worker<'_> {
             let covered: Vec<usize> = surface.covered().collect();
             let halvings = self.halvings_of(surface, &state.probes);
             let suns = self.transport.lights.suns.len();
-            state.wants = wants(surface, &covered, &state.trials, &halvings, means, suns);
-            state.trials = Vec::new();
+            state.wants = wants(surface, &covered, &state.pilot, &halvings, means, suns);
+            state.pilot = Vec::new();
         }
         let first = first(self.certain);
         let goals =
@@ -197,11 +197,11 @@ impl Worker<'_> {
 const HALVES: [(Stream, usize); 2] = [(Stream::Direct, 0), (Stream::Direct, 1)];
 
 /// The [`Want`] of each covered texel and light (`[texel][light]`), as bytes: how many are worth their rays,
-/// by its trial samples and those of the texels beside.
+/// by its pilot samples and those of the texels beside.
 fn wants(
     surface: &BlockSurface,
     covered: &[usize],
-    trials: &[Direct],
+    pilot: &[Direct],
     halvings: &[u8],
     means: &[f32],
     suns: usize,
@@ -220,7 +220,7 @@ fn wants(
     // along their borders some edges of shadows are found less surely.)
     let mut place = vec![None; surface.width * surface.height];
     covered.iter().enumerate().for_each(|(i, &texel)| place[texel] = Some(i));
-    let mut wants = vec![0; trials.len()];
+    let mut wants = vec![0; pilot.len()];
     for (i, &texel) in covered.iter().enumerate() {
         let (x, y) = (texel % surface.width, texel / surface.width);
         let beside = [
@@ -231,8 +231,8 @@ fn wants(
         ];
         let beside = beside.map(|t| t.and_then(|t| place[t]));
         for light in 0..lights {
-            let own = &trials[i * lights + light];
-            let beside = || beside.iter().flatten().map(|&n| &trials[n * lights + light]);
+            let own = &pilot[i * lights + light];
+            let beside = || beside.iter().flatten().map(|&n| &pilot[n * lights + light]);
             let edges = beside().filter(|n| own.differs_from(n));
             let step = edges.map(|n| (n.mean() - own.mean()).element_sum().abs()).reduce(f32::max);
             let less = if light < suns { LESS } else { 0 };

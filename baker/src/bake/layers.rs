@@ -78,19 +78,19 @@ impl Layers {
     }
 
     /// A folder within it for the layers of a round, which are not kept.
-    pub fn trial(&self) -> Layers {
+    pub fn provisional(&self) -> Layers {
         Layers { root: self.root.join("trial") }
     }
 
-    /// Takes over what a filter left of the layers of a trial, and forgets the rest of it. (What cannot be
+    /// Takes over what a filter left of provisional layers, and discards the rest. (What cannot be
     /// taken over is filtered again.)
-    pub fn adopt(&self, trial: &Layers) {
-        for entry in std::fs::read_dir(&trial.root).into_iter().flatten().flatten() {
+    pub fn adopt(&self, provisional: &Layers) {
+        for entry in std::fs::read_dir(&provisional.root).into_iter().flatten().flatten() {
             if entry.path().extension().is_some_and(|extension| extension == "filtered") {
                 let _ = std::fs::rename(entry.path(), self.root.join(entry.file_name()));
             }
         }
-        let _ = dataset::files::remove_folder(&trial.root);
+        let _ = dataset::files::remove_folder(&provisional.root);
     }
 
     /// The folder.

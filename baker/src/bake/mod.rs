@@ -16,7 +16,7 @@ pub mod direct;
 pub mod indirect;
 pub mod endless;
 pub mod balance;
-pub mod pilot;
+pub mod solver_paths;
 pub mod solve;
 pub mod rounds;
 pub mod step;

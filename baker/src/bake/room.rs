@@ -67,13 +67,13 @@ impl Disk {
         // Towards a target layers are put together and denoised between rounds, too: beside those that are
         // kept.
         let is_judged = prepared.denoise.is_some() && prepared.limits.target_error.is_some();
-        let trial = if is_judged { traced + filtered } else { 0 };
+        let provisional = if is_judged { traced + filtered } else { 0 };
         let blocks = n * (15 + SUMS * (count + met) + DIRECT * (count - skies));
         Disk {
             dataset: IMAGE * sketch.page_texels() * (plan.times.len() + plan.layers()) as u64,
             traced,
             filtered,
-            work: if count == 0 { 0 } else { blocks + cache + trial },
+            work: if count == 0 { 0 } else { blocks + cache + provisional },
             removed: 0,
         }
     }

@@ -473,12 +473,12 @@ impl Run<'_> {
             let cached = prepared.integrator == Integrator::Cached;
             let frames = prepared.frames(chosen);
             let tracer = Tracer { worker, frames, places, folder: &folder, cached, layers: plan.layers() };
-            let (trial, mut more) = (layers.trial(), RayCounts::default());
+            let (provisional, mut more) = (layers.provisional(), RayCounts::default());
             let mut judge = |tracer: &Tracer, way: &Way, target: f64| {
-                trial.clear()?;
-                more += trial.write(tracer, way, &base, &wanted, &Traced::default(), console)?;
-                let texels = trial.texels(&base).ok_or_else(|| folder.changed())?;
-                self.light(&tracer.worker, &trial, chosen, &texels, denoiser)?.judge(target)
+                provisional.clear()?;
+                more += provisional.write(tracer, way, &base, &wanted, &Traced::default(), console)?;
+                let texels = provisional.texels(&base).ok_or_else(|| folder.changed())?;
+                self.light(&tracer.worker, &provisional, chosen, &texels, denoiser)?.judge(target)
             };
             let judge: Option<Judge> = prepared.denoise.is_some().then_some(&mut judge);
             let (mut traced, way) = tracer.run(&prepared.limits, judge, console)?;
@@ -486,7 +486,7 @@ impl Run<'_> {
                 traced.keep(&kept);
             }
             traced.rays += more + layers.write(&tracer, &way, &base, &wanted, &traced, console)?;
-            layers.adopt(&trial);
+            layers.adopt(&provisional);
             folder.remove();
             Ok(traced)
         })?;

@@ -1,13 +1,13 @@
 //! Fills the cache: the irradiance of every layer, all bounces, at every entry.
 //!
-//! Its entries are laid out; a few paths from each (`pilot`) give a source, their own light and the entry's
+//! Its entries are laid out; a few paths from each (`solver_paths`) give a source, their own light and the entry's
 //! direct light, and the entries they land on; the balance of all of them (`balance`) is the light.
 
 use super::balance::{LEAST_PATHS, ORDINARY_PATHS, Solution, System, paths_per_entry};
 use super::block::{Worker, sum};
 use super::endless;
 use super::indirect::Cache;
-use super::pilot::trace;
+use super::solver_paths::trace;
 use super::state::{ALL_PROBES, BlockState, is_exposed};
 use super::work::{CACHE, WorkFolder};
 use crate::Result;

@@ -90,9 +90,9 @@ pub struct BlockState {
     pub probes: Vec<u16>,
     /// `[texel][half][sampled light]`.
     pub direct: Vec<Direct>,
-    /// `[texel][sampled light]`: trial samples, by which it is decided how many are wanted; empty before they
+    /// `[texel][sampled light]`: pilot samples, by which it is decided how many are wanted; empty before they
     /// are drawn and after the decision.
-    pub trials: Vec<Direct>,
+    pub pilot: Vec<Direct>,
     /// `[texel][sampled light]`: how many direct samples are wanted, decided once (see [`super::direct`]);
     /// empty before that.
     pub wants: Vec<u8>,
@@ -136,7 +136,7 @@ impl BlockState {
             round: 0,
             probes: Vec::new(),
             direct: vec![Direct::default(); texels * 2 * sampled],
-            trials: Vec::new(),
+            pilot: Vec::new(),
             wants: Vec::new(),
             log2_shares: Vec::new(),
             drawn: vec![0; texels],
@@ -151,13 +151,13 @@ impl BlockState {
         is_exposed(self.probes.get(texel).copied().unwrap_or(0))
     }
 
-    /// Sums of the trials' mean direct light of each light over the exposed texels, and how many those are.
+    /// Sums of the pilot samples' mean direct light of each light over the exposed texels, and how many those are.
     pub fn trial_sums(&self, lights: usize) -> (Vec<f64>, f64) {
         let mut sums = vec![0.0; lights];
-        let trials =
-            self.trials.chunks(lights.max(1)).enumerate().filter(|(texel, _)| self.is_exposed(*texel));
-        for (_, trials) in trials {
-            sums.iter_mut().zip(trials).for_each(|(s, d)| *s += f64::from(d.mean().element_sum()));
+        let pilot =
+            self.pilot.chunks(lights.max(1)).enumerate().filter(|(texel, _)| self.is_exposed(*texel));
+        for (_, pilot) in pilot {
+            sums.iter_mut().zip(pilot).for_each(|(s, d)| *s += f64::from(d.mean().element_sum()));
         }
         let exposed = (0..self.taken.len()).filter(|&t| self.is_exposed(t)).count();
         (sums, exposed as f64)
@@ -209,8 +209,8 @@ const MAGIC: &[u8; 8] = b"TLMBLK09";
 const HEADER: usize = 8 + 6 * 4;
 /// Whether texels were probed.
 const PROBED: u32 = 1;
-/// Whether there are trial samples.
-const TRIED: u32 = 2;
+/// Whether there are pilot samples.
+const PILOT: u32 = 2;
 /// Whether it is decided how many direct samples there are.
 const DECIDED: u32 = 4;
 /// Whether it is decided how the samples of indirect light are shared.
@@ -235,7 +235,7 @@ impl BlockState {
         let (known, records) = (word(5)?, texels * sampled);
         let held = |bit: u32, n: usize| if known & bit == bit { n } else { 0 };
         state.probes = vec![0; held(PROBED, texels)];
-        state.trials = vec![Direct::default(); held(TRIED, records)];
+        state.pilot = vec![Direct::default(); held(PILOT, records)];
         state.wants = vec![0; held(DECIDED, records)];
         state.log2_shares = vec![0; held(SHARED, texels)];
         state.round = word(0)?;
@@ -253,7 +253,7 @@ impl BlockState {
         let Kinds { layers, sampled, met } = kinds;
         let known = [
             (PROBED, !self.probes.is_empty()),
-            (TRIED, !self.trials.is_empty()),
+            (PILOT, !self.pilot.is_empty()),
             (DECIDED, !self.wants.is_empty()),
             (SHARED, !self.log2_shares.is_empty()),
             (DRAWN, self.drawn.iter().any(|&drawn| drawn > 0)),
@@ -273,7 +273,7 @@ impl BlockState {
         let mut arrays = vec![
             bytemuck::cast_slice(&self.probes),
             bytemuck::cast_slice(&self.direct),
-            bytemuck::cast_slice(&self.trials),
+            bytemuck::cast_slice(&self.pilot),
             &self.wants[..],
             bytemuck::cast_slice(&self.log2_shares),
         ];
@@ -293,7 +293,7 @@ impl BlockState {
         let mut arrays = vec![
             bytemuck::cast_slice_mut(&mut self.probes),
             bytemuck::cast_slice_mut(&mut self.direct),
-            bytemuck::cast_slice_mut(&mut self.trials),
+            bytemuck::cast_slice_mut(&mut self.pilot),
             &mut self.wants[..],
             bytemuck::cast_slice_mut(&mut self.log2_shares),
         ];
@@ -322,7 +322,7 @@ mod tests {
         state.log2_shares = vec![-1, 0, 1, 3];
         state.drawn = vec![1, 2, 4, 16];
         state.probes = vec![1, 2, 3, 16];
-        state.trials = vec![Direct { drawn: 3, ..Direct::default() }; 8];
+        state.pilot = vec![Direct { drawn: 3, ..Direct::default() }; 8];
         state.wants = vec![1; 8];
         state.taken = vec![[1, 2], [3, 4], [5, 6], [7, 8]];
         state.direct[7].add(Rgb::new(1.0, 2.0, 3.0));

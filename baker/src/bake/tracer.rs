@@ -45,7 +45,7 @@ pub struct Tracer<'a> {
 
 /// All that decided what the blocks hold, by which one that is lost is traced again.
 pub struct Way<'t> {
-    /// The mean of each light over the trial samples.
+    /// The mean of each light over the pilot samples.
     direct_means: Vec<f32>,
     /// The samples whose direct light was drawn before the rounds, to solve the cache from.
     certain: Option<u32>,
@@ -308,7 +308,7 @@ impl Tracer<'_> {
         Ok(bytes.and_then(|bytes| UnconvergedCells::from_bytes(self.places.grid(), &bytes)))
     }
 
-    /// What comes before the rounds: which points are a texel's surface, the trial samples of its direct
+    /// What comes before the rounds: which points are a texel's surface, the pilot samples of its direct
     /// light, and the first that count. `None` where the blocks hold more than what is kept of the decisions
     /// about them. Of the `finished` rounds every block was brought through `whole`.
     fn before_rounds(
@@ -343,7 +343,7 @@ impl Tracer<'_> {
         let mut found = blocks.par_iter().map(of_block).collect::<Result<Vec<_>>>()?;
         let furthest = found.iter().map(|block| block.round).max().unwrap_or(0);
         // A block goes one round further than the last finished one, at most. A run that continues finds no
-        // trials in blocks that were decided: what is decided by stays what it was.
+        // pilot samples in blocks that were decided: what is decided by stays what it was.
         let kept = self.folder.read(DIRECT)?;
         if furthest > finished + 1 || kept.is_none() && found.iter().any(|block| block.is_decided) {
             return Ok(None);
@@ -365,7 +365,7 @@ impl Tracer<'_> {
         Ok(Some(Begun { direct_means, lost, furthest, rays, covered }))
     }
 
-    /// Probes a block's texels and draws its trial samples and its first ones; whether there was anything to
+    /// Probes a block's texels and draws its pilot samples and its first ones; whether there was anything to
     /// do.
     fn first_light(&self, surface: &BlockSurface, state: &mut BlockState, rays: &mut RayCounts) -> bool {
         let is_new = state.probes.is_empty() && !state.taken.is_empty();

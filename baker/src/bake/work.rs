@@ -7,7 +7,7 @@
 //! |---|---|---|
 //! | `layers.json` | the digests of the layers that are traced | at the beginning |
 //! | `block-N.bin` | the sums of a block ([`BlockState`]) | after each step of the block |
-//! | [`DIRECT`] | the mean of each light over the trial samples | before the rounds |
+//! | [`DIRECT`] | the mean of each light over the pilot samples | before the rounds |
 //! | [`CACHE`] | the solved cache, both halves | before the rounds |
 //! | [`UNSETTLED`] | the passes after which the cache had not settled | in its place |
 //! | [`PIVOT`] | the class of deviation that gets the mean number of samples | after the first round |

@@ -109,7 +109,7 @@ fn trace_block(
                 }
             }
             // Paths from points spread over its texels.
-            let sequence = worker.sequence(&surface, covered[group[0].1], Stream::Pilot, half);
+            let sequence = worker.sequence(&surface, covered[group[0].1], Stream::Solver, half);
             let start = |i: usize, counts: &mut RayCounts| {
                 let (_, texel) = group[i * group.len() / paths];
                 let sample = sequence.sample(i as u32);
@@ -118,7 +118,7 @@ fn trace_block(
                     sample,
                 ))
             };
-            pilot(worker, map, group[0].0, source, paths, start)
+            follow(worker, map, group[0].0, source, paths, start)
         })
         .collect()
 }
@@ -135,7 +135,7 @@ fn trace_patches(
     let lights = worker.transport.lights;
     let one = |patch: &Patch| {
         let sequence =
-            Sequence::new(worker.seed, Kind::Patch, patch.entry, Stream::Pilot as u32 + half as u32);
+            Sequence::new(worker.seed, Kind::Patch, patch.entry, Stream::Solver as u32 + half as u32);
         let at = |sample: Sample| {
             let barycentric = patch.sample(point_pair(sample));
             let point = SurfacePoint { triangle: patch.triangle, barycentric };
@@ -153,7 +153,7 @@ fn trace_patches(
             let sample = sequence.sample(i as u32);
             Some((at(sample)?, sample))
         };
-        let mut traced = pilot(worker, map, patch.entry, source, paths, start);
+        let mut traced = follow(worker, map, patch.entry, source, paths, start);
         traced.counts += counts;
         traced
     };
@@ -161,7 +161,7 @@ fn trace_patches(
 }
 
 /// The paths of one entry, from where `start` puts each; `source` is its direct light.
-fn pilot(
+fn follow(
     worker: &Worker,
     map: &CacheMap,
     entry: u32,
