@@ -1,14 +1,14 @@
 //! `bake`: from a scene file to a dataset of temporal lightmaps, and with `--compress` on to a bundle.
 
 use baker::bake::charts::Charts;
+use baker::bake::disk_space::{DiskSpace, in_words as bytes};
+use baker::bake::existing::{REPORT, replacement_note};
 use baker::bake::facts::{skipped, unwrapped};
-use baker::bake::forecast::{Forecast, OPEN_RAYS, forecast, scale};
+use baker::bake::forecast::{ESCAPE_RAYS, Forecast, forecast, scale};
+use baker::bake::layout_estimate::LayoutEstimate;
 use baker::bake::local::Local;
 use baker::bake::plan::hour;
-use baker::bake::room::{Disk, in_words as bytes};
 use baker::bake::run::{Denoise, Integrator, Options, Outcome, Preset, bake, prepare};
-use baker::bake::sketch::Sketch;
-use baker::bake::existing::{REPORT, replacement_note};
 use baker::bake::views;
 use baker::light::extra_times::{self, percent};
 use baker::light::schedule::parse_hours;
@@ -72,9 +72,9 @@ struct Args {
     /// Hours to bake: a half-open range, a range with a step, or a list.
     #[arg(long, default_value = "0..24", value_name = "HOURS", allow_hyphen_values = true)]
     hours: String,
-    /// At most this many more times where the light of sky and sun changes too fast for the hours of a range,
-    /// as at dusk: where the frames interpolated would err by more than 5 % of it, found before any ray is
-    /// traced (--plan lists them). 0: none.
+    /// Bake up to N additional times where interpolating sunlight and skylight between the hours of a range
+    /// would err by more than 5 %, as at dusk. They are chosen before any ray is traced; --plan lists them.
+    /// 0: none.
     #[arg(long, value_name = "N", default_value_t = extra_times::MOST)]
     extra_times: u32,
     /// Bake the scene under each spherical harmonic of bands 0 to 3 instead of its own sun, sky and lamps,
@@ -86,7 +86,8 @@ struct Args {
     /// `baked = "indirect"` under [sun].
     #[arg(long, conflicts_with = "transfer")]
     indirect: bool,
-    /// Hand the dataset to the compressor (its defaults), write the bundle and measure it.
+    /// Also compress the dataset with default settings (with --draft: preset draft): writes the bundle, its
+    /// quality into the report, and the page <scene>.view.html.
     #[arg(long)]
     compress: bool,
     /// A quick look: half the lightmap's side, a quarter of the samples, short training.
@@ -96,31 +97,31 @@ struct Args {
     /// `compress --preset`).
     #[arg(long, conflicts_with = "draft")]
     r#final: bool,
-    /// Samples of indirect light per texel on average, a power of two: all of them, or at most so many with a
-    /// target or a time limit [default: the scene's; 65536 with a target or a limit].
+    /// Average samples of indirect light per texel, a power of two. With a target error or a time limit: the
+    /// maximum [default: the scene's; 65536 with a target or a limit].
     #[arg(long, value_name = "N")]
     samples: Option<u32>,
-    /// Stop when, at every hour, 95 % of the texels lie in cells of 16×16 texels whose local error is below
-    /// this, e.g. 5%. Local error is the standard error relative to the light there, or to a thirtieth of
-    /// the light seen nearby, whichever is larger. A cell's neighbours, taken together, must be below it,
-    /// too. Near the target this is judged after denoising. Light that very few paths find (a pinhole) can
-    /// be missed.
+    /// Stop when, at every time, 95 % of the texels lie in converged cells: cells of 16×16 texels whose local
+    /// error, and that of the 5×5 cells around together, is below ERROR, e.g. 5%. Local error is the standard
+    /// error divided by the cell's own light, or by 1/30 of the median light visible from it if that is
+    /// larger. The decision is made after denoising. Light that very few paths find (a pinhole) can be
+    /// missed.
     #[arg(long, value_name = "ERROR", value_parser = parse_error)]
     target_error: Option<f64>,
-    /// Stop tracing after this time (but not before the first round is done), e.g. 90s, 5m, 2h; the dataset
-    /// says how wrong it is then.
+    /// Stop tracing after this time, e.g. 90s, 5m, 2h, but not before the first round is complete. The
+    /// remaining error is reported.
     #[arg(long, value_name = "TIME", value_parser = typed::time_limit)]
     time_limit: Option<Duration>,
-    /// How light is followed past the first surface.
+    /// How light is traced beyond the first surface.
     #[arg(long, value_enum, default_value = "cached")]
     integrator: Integrator,
-    /// What finds the hits of rays: obvhs, or embree in builds with that feature.
+    /// Ray-tracing backend: obvhs (our traversal of a hierarchy that obvhs builds), or embree in builds with
+    /// that feature.
     #[arg(long, default_value = "obvhs", value_name = "BACKEND")]
     backend: Backend,
-    /// Denoise indirect light with filters whose error is estimated. auto: in every bake but a transfer; own:
-    /// with the baker's own filters, which is what auto does today; off: leave it as traced. Transfers are
-    /// never denoised. The traced light is kept, so changing this does not trace it again, but for what then
-    /// misses a --target-error.
+    /// Denoise indirect light: auto (the built-in filters), own (the same) or off. Transfers are never
+    /// denoised. The traced light is kept, so changing this traces nothing again unless a --target-error is
+    /// then missed.
     #[arg(
         long,
         value_enum,
@@ -129,55 +130,54 @@ struct Args {
         hide_possible_values = true
     )]
     denoise: Denoise,
-    /// Trace 512 texels again, by so many paths each that are followed to their end, and report the true
-    /// error.
+    /// Retrace 512 texels with N unbiased paths each and report the measured error.
     #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "4096", value_parser = clap::value_parser!(u32).range(2..))]
     check: Option<u32>,
-    /// Print what would be traced, what is left out and why, and about what disk and memory it takes; bake
-    /// nothing.
+    /// Print what would be traced, what is skipped and why, and estimates of disk and memory; bake nothing.
     #[arg(long)]
     plan: bool,
     /// Folder of the dataset [default: dataset/<scene>, with --transfer dataset/<scene>-transfer].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Start over, whatever an earlier run left, even where its dataset holds more than this bake will.
+    /// Discard all earlier work in the output folder, and replace its dataset even if that has more hours,
+    /// samples or texels, or is of another scene.
     #[arg(long)]
     force: bool,
 }
 
 const EXAMPLES: &str = "\
 Examples:
-  bake scenes/yard.toml --hours 0..24              24 hourly frames, 6 more at dawn and dusk, and the switch extras into dataset/yard
+  bake scenes/yard.toml --hours 0..24              24 hourly frames, 6 extra times, and switch frames, in dataset/yard
   bake scenes/yard.toml --hours 0..24 --compress   the same, then dataset/yard/yard.ndgi and a report
   bake scenes/yard.toml --hours 12 --draft --out /data/look   one frame, quickly, elsewhere
   bake scenes/yard.toml --final --out /data/yard   for shipping: twice the side, twice the samples
   bake scenes/yard.toml --hours 6..18/0.5 --out /data/day     half-hourly
   bake scenes/yard.toml --hours 5.5,12,18:30 --out /data/three
-  bake scenes/yard.toml --extra-times 12           closer to dawn and dusk; 0 for the hours and the switches alone
+  bake scenes/yard.toml --extra-times 12           up to 12 extra times, mostly at dawn and dusk; 0: none
   bake scenes/yard.toml --target-error 5% --time-limit 5m   whichever is reached first
   bake scenes/yard.toml --indirect                 without the sun's direct light, for games that draw it themselves
   bake scenes/yard.toml --transfer                 its surfaces lit by spherical harmonics, into dataset/yard-transfer
-  bake scenes/yard.toml --plan                     what would run, what is left out and why
+  bake scenes/yard.toml --plan                     what would be traced, what is skipped and why
   bake preview scenes/yard.toml --hour 18.5        what was baked, as a picture (bake preview --help)
   bake new models/house.glb                        a scene file for a model (bake new --help)
 
 With --json, one object on stdout: scene, dataset, up_to_date, inputs, hours, integrator, size, pages, frames, texels, samples (of the last round),
 mean_samples, layers (traced, reused), denoised (method, layers, new_layers: those filtered by this run, seconds; null if nothing was denoised), relative_error (median over tile and frame), local (error of cells of 16×16 texels relative to the light there:
 all, frames, worst_frame, advice; each median, p95, worst, and over: shares above 5, 10 and 20 %), out_of_time, seconds, rays, rounds (error
-against seconds), check (with --check; as in run.json), facts, left_out, warnings, report, and with --compress an object `compress` with the keys of
+against seconds), check (with --check; as in run.json), facts, skipped, warnings, report, and with --compress an object `compress` with the keys of
 `compress --json`. With --plan: scene, integrator, times, extra_times (added: hour,
 error_before and error_after of interpolated light, as a share of it; error_before and error_after of the whole day, null where no light
-changes), layers, visibility (of the sun: times, minutes of the finest step; null where it is not found), left_out, existing, forecast (size, pages, finer: how many times as wide the texels were of the layout that pages above 2048 are
-estimated from, 1 where it is that of the bake; texels covered, skipped_triangles, skipped_area and skipped_rays of faces that nobody can see,
-texels_per_metre, extent in metres, dataset_bytes, layers_bytes, work_bytes, peak_bytes: the most of these at once, memory_bytes, open: of 4096
+changes), layers, visibility (of the sun: times, minutes of the finest step; null where it is not found), skipped, existing (what it replaces, or why it is refused), forecast (size, pages, finer: pages above 2048² are estimated
+from a coarser layout, whose texels are this many times as wide; 1 for the real one; texels covered, skipped_triangles, skipped_area and skipped_rays of faces that nobody can see,
+texels_per_metre, extent in metres, dataset_bytes, layers_bytes, work_bytes, peak_bytes: the most of these at once, memory_bytes, escaping_rays: of 4096
 rays from surfaces, those that leave the scene), free_bytes (on the file system of the dataset; null where it does not tell), warnings.
 
 A run that is interrupted or killed continues when started again with the same arguments. Ctrl-C, SIGTERM and SIGHUP end it within
 0.2 s, with exit code 130, 143 or 129. Other exit codes: 0 done; 1 bad input, 2 an invalid command line: do not
-retry; 75 retry (another bake writes there, a full disk). A finished bake keeps its layers of
-light: after a change of schedules, of a group's colour or intensity, or of one light, or with more hours, only what is new is
-traced, and with --target-error what misses it by the new light. A dataset is replaced by less (fewer hours, samples or texels,
-or another scene) only with --force, and so is unfinished work of other settings dropped, once it has finished a round.";
+retry; 75 retry (another bake writes there, a full disk). A finished bake keeps its layers: after
+a change of a schedule, colour or intensity, or with more hours, only missing layers are traced (and, with --target-error, those
+that no longer meet it). --force is needed to replace a dataset by one with fewer hours, samples or texels or of another scene,
+and to discard unfinished work with other settings that has completed a round.";
 
 /// `2%` or `0.02`.
 fn parse_error(text: &str) -> std::result::Result<f64, String> {
@@ -242,7 +242,7 @@ fn run(args: &Args, console: &Console) -> Result<()> {
     say(&outcome, args.check.is_some(), args.target_error, console);
     if let Some(bundle) = stale_bundle(&dataset).filter(|_| !args.compress) {
         console.warn(format!(
-            "{} was made from another bake than this one; `compress {}` renews it",
+            "{} was compressed from a different bake; run `compress {}` to update it",
             bundle.display(),
             outcome.dataset.display()
         ));
@@ -270,7 +270,7 @@ fn run(args: &Args, console: &Console) -> Result<()> {
     } else if !outcome.up_to_date || !outcome.dataset.join(REPORT).exists() {
         report::scene::section(&dataset)?.into_iter().for_each(|section| report.lead(section));
     }
-    // What leads a report folds the rest of it.
+    // With the compression's summary on top, the other sections start collapsed.
     let fold = |section: Section| if args.compress { section.folded() } else { section };
     report.push(fold(report::preview::section(&dataset)?));
     report.push(fold(baker::report::section(&outcome, &dataset)?));
@@ -298,11 +298,12 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
     let plan = &prepared.plan;
     let layers: Vec<String> = (0..plan.layers()).map(|layer| plan.name_of(layer)).collect();
     console.print(format!(
-        "{}: {}, {} of {}, at most {} samples per texel on average, integrator {}",
+        "{}: {}, {}, {}, {}{} samples per texel on average, integrator {}",
         prepared.scene.name,
         count(prepared.geometry.triangles.len(), "triangle"),
         count(plan.times.len(), "time"),
         count(layers.len(), "layer"),
+        if prepared.limits.have_target() { "up to " } else { "" },
         prepared.limits.samples,
         match prepared.integrator {
             Integrator::Cached => "cached",
@@ -311,27 +312,27 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
     ));
     let out = prepared.out(options);
     let charts = Charts::beside(&out);
-    let sketch = Sketch::of(&prepared, &charts)?;
+    let layout = LayoutEstimate::of(&prepared, &charts)?;
     let unwrapped = unwrapped(charts.counts());
     charts.keep(&out);
     // (What a coarser layout would warn of need not be so in a bake.)
-    let (of_layout, notes) = match sketch.finer == 1 {
-        true => (sketch.atlas.warnings.clone(), sketch.atlas.notes.clone()),
-        false => (Vec::new(), sketch.in_words().into_iter().collect()),
+    let (of_layout, notes) = match layout.finer == 1 {
+        true => (layout.atlas.warnings.clone(), layout.atlas.notes.clone()),
+        false => (Vec::new(), layout.in_words().into_iter().collect()),
     };
     of_layout.iter().for_each(|w| console.warn(w));
-    let forecast = forecast(&prepared, &sketch)?;
-    let (left, free) = (Disk::left(&prepared, &sketch, &out, options), (options.free_bytes)(&out));
+    let forecast = forecast(&prepared, &layout)?;
+    let (left, free) = (DiskSpace::left(&prepared, &layout, &out, options), (options.free_bytes)(&out));
     say_forecast(&forecast, free, console);
-    let layout = unwrapped.into_iter().chain(skipped(&sketch.atlas)).chain(notes);
+    let layout = unwrapped.into_iter().chain(skipped(&layout.atlas)).chain(notes);
     layout.for_each(|what| console.print(format!("  {what}")));
     in_short(&layers).iter().for_each(|what| console.print(format!("  trace {what}")));
     plan.extra_times.added.iter().for_each(|time| {
         console.print(format!(
-            "  extra time {}: light of sky and sun interpolated around it errs by up to {} instead of {}",
+            "  extra time {}: reduces the interpolation error nearby from {} to {}",
             hour(time.hour),
-            percent(time.error_after),
-            percent(time.error_before)
+            percent(time.error_before),
+            percent(time.error_after)
         ));
     });
     if let Some(course) = &prepared.course {
@@ -341,9 +342,9 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
             course.minutes
         ));
     }
-    plan.left_out.iter().for_each(|reason| console.print(format!("  left out: {reason}")));
+    plan.skipped.iter().for_each(|reason| console.print(format!("  {reason}")));
     let existing = replacement_note(&prepared, options)?.or_else(|| {
-        let refused = left.expect_room(&out, free).err()?;
+        let refused = left.expect_space(&out, free).err()?;
         Some(format!("this bake would be refused: {refused}"))
     });
     existing.iter().for_each(|what| console.print(format!("  {what}")));
@@ -359,7 +360,7 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
             "times": course.hours.len(),
             "minutes": course.minutes,
         })),
-        "left_out": plan.left_out,
+        "skipped": plan.skipped,
         "existing": existing,
         "forecast": forecast,
         "free_bytes": free,
@@ -410,20 +411,20 @@ fn say_forecast(forecast: &Forecast, free: Option<u64>, console: &Console) {
     views::in_words(&forecast.views, forecast.lit_tiles)
         .into_iter()
         .for_each(|what| console.print(format!("  {what}")));
-    if forecast.open == Some(0) {
+    if forecast.escaping_rays == Some(0) {
         console.print(format!(
-            "  closed? none of {OPEN_RAYS} rays from lightmapped surfaces leaves the scene; sun and sky are traced all the same, for \
-             a small opening may have been missed (a room known to be closed needs no [sun] and no [sky])"
+            "  the scene may be closed: none of {ESCAPE_RAYS} rays from lightmapped surfaces leaves it. Sun and sky are traced anyway, \
+             because a small opening may have been missed; if the room is closed, remove [sun] and [sky]"
         ));
     }
 }
 
 /// Such as
-/// `1.6 % in the median cell, at most 5.2 % in 95 of 100; over 5 / 10 / 20 %: 5.3 / 0.4 / 0.0 % of the texels`.
+/// `median cell 1.6 %, 95th percentile 5.2 %; above 5 / 10 / 20 %: 5.3 / 0.4 / 0.0 % of the texels`.
 fn in_words(local: &Local) -> String {
     let percent = |share: f64| format!("{:.1}", share * 100.0);
     format!(
-        "{} % in the median cell, at most {} % in 95 of 100; over 5 / 10 / 20 %: {} % of the texels",
+        "median cell {} %, 95th percentile {} %; above 5 / 10 / 20 %: {} % of the texels",
         percent(local.median),
         percent(local.p95),
         local.over.map(percent).join(" / ")
@@ -459,23 +460,23 @@ fn say(outcome: &Outcome, is_checked: bool, target: Option<f64>, console: &Conso
     outcome.denoised_in_words().into_iter().for_each(|what| console.say(format!("  {what}")));
     outcome.local.advice.iter().for_each(|what| console.say(format!("  {what}")));
     if let Some(check) = &outcome.check {
-        let known = check.frames.iter().filter_map(|frame| Some((frame.true_error?, frame)));
-        if let Some((true_error, worst)) = known.max_by(|a, b| a.0.total_cmp(&b.0)) {
+        let known = check.frames.iter().filter_map(|frame| Some((frame.measured_error?, frame)));
+        if let Some((measured_error, worst)) = known.max_by(|a, b| a.0.total_cmp(&b.0)) {
             let hour = outcome.hours.get(worst.frame).copied().unwrap_or_default();
             console.say(format!(
-                "  check of {}: true error at most {:.2} % of the mean light (at {hour:.2} h, where {:.2} % was estimated, and \
-                 the check's own noise was {:.2} %); all frames: report",
+                "  measured error of {}: up to {:.2} % of the mean light (at {hour:.2} h; estimated {:.2} %, noise of the \
+                 measurement {:.2} %); the report lists all times",
                 count(check.texels, "texel"),
-                true_error * 100.0,
+                measured_error * 100.0,
                 worst.estimated_error * 100.0,
-                worst.reference_error * 100.0
+                worst.reference_noise * 100.0
             ));
             console.say(format!("  {}", baker::report::worst_eighth(outcome, check)));
         } else {
-            console.say("  check: no difference beyond the check's own noise; all frames: report");
+            console.say("  measured error: no difference beyond the measurement's own noise; the report lists all times");
         }
     }
-    for reason in outcome.left_out.iter().filter(|_| !outcome.up_to_date) {
-        console.say(format!("  left out: {reason}"));
+    for reason in outcome.skipped.iter().filter(|_| !outcome.up_to_date) {
+        console.say(format!("  {reason}"));
     }
 }

@@ -2,9 +2,9 @@
 
 use crate::Result;
 use crate::bake::check::{Check, FrameCheck};
+use crate::bake::existing::ERRORS;
 use crate::bake::local::{LEAST, Local, PICTURE_STEP, VISIBLE};
 use crate::bake::run::{Integrator, Outcome};
-use crate::bake::existing::ERRORS;
 use crate::bake::state::CELL;
 use dataset::console::count;
 use dataset::image::Image;
@@ -179,12 +179,12 @@ fn add_check(section: &mut Section, outcome: &Outcome, check: &Check) {
     let row = |s: &FrameCheck| {
         vec![
             hour(s.frame),
-            s.true_error.map_or("below the noise".to_owned(), percent),
+            s.measured_error.map_or("below the noise".to_owned(), percent),
             percent(s.estimated_error),
             percent(s.bias),
             percent(s.mean_difference),
-            percent(s.reference_error),
-            format!("{} ({})", percent(s.own_error), percent(s.own_reference_error)),
+            percent(s.reference_noise),
+            format!("{} ({})", percent(s.own_error), percent(s.own_reference_noise)),
         ]
     };
     let rows: Vec<Vec<String>> = check.frames.iter().map(row).collect();
@@ -290,8 +290,8 @@ pub fn section(outcome: &Outcome, dataset: &Dataset) -> Result<Section> {
             ],
         );
     }
-    section.paragraph("Left out:");
-    section.list(&outcome.left_out);
+    section.paragraph("Skipped, and why:");
+    section.list(&outcome.skipped);
     if !outcome.warnings.is_empty() {
         section.paragraph("Warnings:");
         section.list(&outcome.warnings);

@@ -11,10 +11,10 @@ use baker::surface::SurfacePoint;
 use baker::trace::backend::Backend;
 use baker::trace::counts::RayCounts;
 use baker::trace::lights::{GroupLight, Lights, SunLight};
+use baker::trace::path::{Transport, sun_sample};
 use baker::trace::rays::Rays;
 use baker::trace::sampler::{Kind, Sequence};
 use baker::trace::space::Space;
-use baker::trace::path::{Transport, sun_draw};
 use glam::{DVec3, Vec2, Vec3, dvec3, vec3};
 use std::f32::consts::PI;
 
@@ -117,7 +117,7 @@ fn means(backend: Backend, g: &Geometry, lights: &Lights, samples: u32) -> Vec<R
         for sample in (0..samples).map(|i| sequence.sample(i)) {
             for light in 0..lights.sampled() {
                 out[lights.layer_of_sampled(light)] +=
-                    transport.direct(&at, light, sample, &sun_draw(sample), &mut counts);
+                    transport.direct(&at, light, sample, &sun_sample(sample), &mut counts);
             }
             transport.indirect(&at, sample, |_, _, _| false, &mut out, None, &mut counts);
         }

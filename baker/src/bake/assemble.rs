@@ -78,7 +78,8 @@ pub struct Stored {
     pub buried_texels: usize,
     /// Texels taken out because no light reaches them in any layer.
     pub unlit_texels: usize,
-    /// Number of seam edges, and the jump across them before and after stitching, in the frame with most light.
+    /// Number of seam edges, and the jump across them before and after stitching, in the frame with most
+    /// light.
     pub seams: Option<(usize, Jump, Jump)>,
 }
 

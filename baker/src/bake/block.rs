@@ -5,9 +5,9 @@ use super::state::{ALL_PROBES, PROBES};
 use crate::atlas::Atlas;
 use crate::surface::{BlockSurface, FaceBins, SurfacePoint};
 use crate::trace::counts::RayCounts;
+use crate::trace::path::{Transport, point_pair};
 use crate::trace::sampler::{Kind, Sample, Sequence};
 use crate::trace::space::Receiver;
-use crate::trace::path::{Transport, point_pair};
 use glam::Vec2;
 
 /// What a sequence of random numbers is for. Each comes in two halves, scrambled independently.
@@ -113,7 +113,7 @@ impl Worker<'_> {
     }
 
     /// A few of the probed points that are a texel's surface.
-    pub fn witnesses(&self, surface: &BlockSurface, texel: usize, probes: u16) -> Vec<Receiver> {
+    pub fn surface_points(&self, surface: &BlockSurface, texel: usize, probes: u16) -> Vec<Receiver> {
         const MOST: u32 = 4;
         let some = indices(probes).step_by(probes.count_ones().div_ceil(MOST).max(1) as usize);
         some.filter_map(|probe| self.transport.space.receiver(&self.probe_point(surface, texel, probe)))
@@ -121,7 +121,7 @@ impl Worker<'_> {
     }
 
     /// One of the probed points that are a texel's surface.
-    pub fn witness(&self, surface: &BlockSurface, texel: usize, probes: u16) -> Option<Receiver> {
+    pub fn surface_point(&self, surface: &BlockSurface, texel: usize, probes: u16) -> Option<Receiver> {
         let at = |probe| self.transport.space.receiver(&self.probe_point(surface, texel, probe));
         indices(probes).find_map(at)
     }

@@ -43,7 +43,8 @@ pub struct FrameCheck {
     pub frame: usize,
     /// Root mean square difference from the reference, its noise taken out: the true error. `None` where the
     /// difference is no larger than that noise, so that nothing is known but that.
-    pub true_error: Option<f64>,
+    #[serde(alias = "true_error")]
+    pub measured_error: Option<f64>,
     /// Root mean square of the errors that the bake estimates for these texels.
     pub estimated_error: f64,
     /// What of the true error the estimate does not explain: √(true² − estimated²), 0 where that is negative.
@@ -51,12 +52,14 @@ pub struct FrameCheck {
     /// Mean difference, with its sign: light lost or gained.
     pub mean_difference: f64,
     /// Root mean square of the reference's own standard error.
-    pub reference_error: f64,
+    #[serde(alias = "reference_error")]
+    pub reference_noise: f64,
     /// Median over the texels of |difference| ÷ the texel's own reference light; the noise of the reference
     /// is in it.
     pub own_error: f64,
     /// Median over the texels of the reference's own standard error ÷ the texel's own reference light.
-    pub own_reference_error: f64,
+    #[serde(alias = "own_reference_error")]
+    pub own_reference_noise: f64,
     /// The texels by eighths, the darkest first; those in which the reference finds no light are left out.
     pub eighths: Vec<Eighth>,
     /// The errors by eighths, the darkest first.
@@ -280,13 +283,13 @@ fn summary(frame: usize, texels: &[Checked]) -> Option<FrameCheck> {
     };
     Some(FrameCheck {
         frame,
-        true_error: (true2 > 0.0).then(|| true2.sqrt() / mean),
+        measured_error: (true2 > 0.0).then(|| true2.sqrt() / mean),
         estimated_error: estimated2.sqrt() / mean,
         bias: (true2 - estimated2).max(0.0).sqrt() / mean,
         mean_difference: total(&|t| difference(t).element_sum()) / mean,
-        reference_error: reference2.sqrt() / mean,
+        reference_noise: reference2.sqrt() / mean,
         own_error: own(&difference),
-        own_reference_error: own(&noise),
+        own_reference_noise: own(&noise),
         eighths: eighths(texels),
         estimates: estimates(texels),
     })
@@ -487,7 +490,9 @@ mod tests {
         let (mut ratios, mut beyond) = (Vec::new(), 0);
         for seed in 1..=20 {
             for estimate in estimates(&bake_checked_to(0.05, seed, 1.0, 1.0)) {
-                let (Some(ratio), Some(error)) = (estimate.ratio(), estimate.standard_error) else { continue };
+                let (Some(ratio), Some(error)) = (estimate.ratio(), estimate.standard_error) else {
+                    continue;
+                };
                 ratios.push(ratio.ln());
                 beyond += usize::from((ratio.ln() / error).abs() > 2.0);
             }
@@ -509,8 +514,8 @@ mod tests {
     fn a_damaged_dim_room_is_seen_though_the_page_hardly_changes() {
         let (whole, damaged) = (check_of(&bake(1, 1.0, 1.0)), check_of(&bake(1, 0.5, 1.0)));
         // Relative to the page, half the room's light is nothing.
-        let true_error = |check: &Check| check.frames[0].true_error.expect("more than noise");
-        assert!((true_error(&damaged) - true_error(&whole)).abs() < 0.002);
+        let measured_error = |check: &Check| check.frames[0].measured_error.expect("more than noise");
+        assert!((measured_error(&damaged) - measured_error(&whole)).abs() < 0.002);
         assert!(damaged.frames[0].mean_difference.abs() < 0.02);
         // The two darkest eighths are the room.
         for eighth in &damaged.frames[0].eighths[..2] {
@@ -537,7 +542,7 @@ mod tests {
         // Medians of |normal| are 0.674 of its deviation: difference √(0.1² + 0.2² ÷ 2), reference 0.2 ÷ √2.
         let frame = &check_of(&bake(1, 1.0, 1.0)).frames[0];
         assert!((frame.own_error / (0.674 * 0.03f64.sqrt()) - 1.0).abs() < 0.15, "{}", frame.own_error);
-        let noise = frame.own_reference_error / (0.674 * 0.02f64.sqrt());
+        let noise = frame.own_reference_noise / (0.674 * 0.02f64.sqrt());
         assert!((noise - 1.0).abs() < 0.15, "{noise}");
         // All light lost everywhere: wrong by the whole of it.
         let mut black = bake(1, 1.0, 1.0);

@@ -13,8 +13,8 @@ use super::errors::cell_of;
 use super::state::{BlockState, CELLS, Direct};
 use crate::surface::BlockSurface;
 use crate::trace::counts::RayCounts;
+use crate::trace::path::sun_sample;
 use crate::trace::subset::ALL_UP_TO;
-use crate::trace::path::sun_draw;
 use dataset::console::interrupted;
 use rayon::prelude::*;
 
@@ -132,7 +132,7 @@ impl Worker<'_> {
         }
         let covered: Vec<usize> = surface.covered().collect();
         let of_texel = |(&texel, &probes): (&usize, &u16)| {
-            let at = self.witness(surface, texel, probes);
+            let at = self.surface_point(surface, texel, probes);
             let chances = at.and_then(|at| self.transport.chances(&at, ASKED));
             let of_groups = chances.unwrap_or_else(|| vec![1.0; groups]).into_iter();
             let halvings = of_groups.map(|chance| (-chance.log2()).floor().min(MOST) as u8);
@@ -175,7 +175,7 @@ impl Worker<'_> {
                 for i in first.unwrap_or(last)..last {
                     let sample = sequence.sample(u32::from(i));
                     let at = self.receiver(surface, texel, sample, probes, &mut counts);
-                    let draw = sun_draw(sample);
+                    let draw = sun_sample(sample);
                     for (light, (d, goal)) in records.iter_mut().zip(goals).enumerate() {
                         if d.drawn > i || i >= *goal {
                             continue;

@@ -4,8 +4,8 @@
 use crate::atlas::Atlas;
 use crate::geometry::Geometry;
 use crate::trace::endless::Endless;
-use crate::trace::sampler::{Kind, Sequence};
 use crate::trace::path::Transport;
+use crate::trace::sampler::{Kind, Sequence};
 use crate::{Error, Result};
 use rayon::prelude::*;
 

@@ -223,8 +223,7 @@ fn lost(existing: &Config, prepared: &Prepared, options: &Options) -> Vec<String
     let settings = &existing.settings;
     let hours: Vec<f64> = serde_json::from_value(settings["hours"].clone())
         .unwrap_or_else(|_| existing.frames.iter().map(|frame| frame.hour).collect());
-    let is_baked =
-        |hour: &&f64| prepared.plan.times.iter().any(|time| (time.hour - **hour).abs() < 1e-6);
+    let is_baked = |hour: &&f64| prepared.plan.times.iter().any(|time| (time.hour - **hour).abs() < 1e-6);
     let missing = hours.len() - hours.iter().filter(is_baked).count();
     if missing > 0 {
         lost.push(format!("{missing} of its {} would go", count(hours.len(), "hour")));

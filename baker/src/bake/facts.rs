@@ -100,7 +100,8 @@ pub fn advice(
 /// The times at which something shines and no light was found. Whether it is shut out or was missed, no
 /// estimate can tell.
 fn unseen(plan: &Plan, stored: &Stored) -> Option<String> {
-    let is_unseen = |&frame: &usize| !plan.layers_of(frame).is_empty() && stored.errors.frame(frame).light <= 0.0;
+    let is_unseen =
+        |&frame: &usize| !plan.layers_of(frame).is_empty() && stored.errors.frame(frame).light <= 0.0;
     let unseen: Vec<usize> = (0..plan.times.len()).filter(is_unseen).collect();
     let first = plan.times.get(*unseen.first()?)?;
     let others = match unseen.len() - 1 {

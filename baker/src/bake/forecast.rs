@@ -1,13 +1,13 @@
 //! What a bake would take, told before it is begun: texels, disk, memory. (Not how long: that hangs on how
 //! far rays go, and on the machine.)
 
-use super::balance;
+use super::cache_system;
 use super::denoise;
+use super::disk_space::{DiskSpace, IMAGE};
+use super::layout_estimate::LayoutEstimate;
 use super::options::Integrator;
 use super::prepare::Prepared;
-use super::room::{Disk, IMAGE};
 use super::rounds;
-use super::sketch::Sketch;
 use super::solve;
 use super::value::Filtered;
 use super::views::{View, lit_tiles, views};
@@ -20,10 +20,10 @@ use crate::trace::cache::CacheMap;
 use crate::trace::cache_half::CacheHalf;
 use crate::trace::counts::RayCounts;
 use crate::trace::lights::Lights;
+use crate::trace::path::{Transport, point_pair};
 use crate::trace::rays::Rays;
 use crate::trace::sampler::{Kind, Sequence};
 use crate::trace::space::Space;
-use crate::trace::path::{Transport, point_pair};
 use crate::{Result, light::sky::SkyTable};
 use dataset::tiles::TILE;
 use glam::{DVec3, Vec3};
@@ -66,15 +66,15 @@ pub struct Forecast {
     pub views: Vec<View>,
     /// Tiles that hold surface.
     pub lit_tiles: usize,
-    /// Of [`OPEN_RAYS`] rays from covered texels, those that leave the scene; `None` where there is neither
+    /// Of [`ESCAPE_RAYS`] rays from covered texels, those that leave the scene; `None` where there is neither
     /// sun nor sky.
-    pub open: Option<usize>,
+    pub escaping_rays: Option<usize>,
 }
 
 /// Rays that are sent out to see whether a scene is open.
-pub const OPEN_RAYS: usize = OPEN_BLOCKS * PER_BLOCK;
+pub const ESCAPE_RAYS: usize = ESCAPE_BLOCKS * PER_BLOCK;
 /// Blocks of texels they start from, and rays from each.
-const OPEN_BLOCKS: usize = 256;
+const ESCAPE_BLOCKS: usize = 256;
 const PER_BLOCK: usize = 16;
 
 /// Bytes of a block and its surroundings in one layer, while it is denoised; of its neighbours; and of its
@@ -91,46 +91,46 @@ const TRIANGLE: u64 = 275;
 const TRIANGLE_MADE: u64 = 340;
 
 /// Estimates for the layers of a plan, none of them traced yet.
-pub fn forecast(prepared: &Prepared, sketch: &Sketch) -> Result<Forecast> {
-    let atlas = &sketch.atlas;
+pub fn forecast(prepared: &Prepared, layout: &LayoutEstimate) -> Result<Forecast> {
+    let atlas = &layout.atlas;
     let plan = &prepared.plan;
     let bins = FaceBins::new(atlas);
     let blocks = bins.occupied();
-    let texels = sketch.texels();
+    let texels = layout.texels();
     let layers = plan.layers() as u64;
     let all: Vec<usize> = (0..plan.layers()).collect();
-    let disk = Disk::of(prepared, sketch, &all);
+    let disk = DiskSpace::of(prepared, layout, &all);
     let (n, triangles) = (texels as u64, prepared.geometry.triangles.len() as u64);
-    // While frames are put together: three images (a part of a layer, the sum of all, that of the groups), the
-    // file of one, and what is known of texels.
-    let assembling = 4 * IMAGE * sketch.virtual_texels() + 32 * n;
+    // While frames are put together: three images (a part of a layer, the sum of all, that of the groups),
+    // the file of one, and what is known of texels.
+    let assembling = 4 * IMAGE * layout.virtual_texels() + 32 * n;
     // While layers are denoised: where texels are; and for each thread, a block and its surroundings.
     let block = DENOISED_NEIGHBOURS
         + DENOISED_LAYER * layers.min(denoise::AT_ONCE as u64)
         + DENOISED_RESULT * layers.min(denoise::OPEN as u64);
     let denoising = prepared.denoise.map_or(0, |_| 80 * n + block * rayon::current_num_threads() as u64);
     let entries = match prepared.integrator {
-        Integrator::Cached => cache_entries(prepared, sketch),
+        Integrator::Cached => cache_entries(prepared, layout),
         Integrator::Path => 0,
     };
-    let paths = balance::paths_per_entry(entries, rounds::certain(&prepared.limits));
+    let paths = cache_system::paths_per_entry(entries, rounds::certain(&prepared.limits));
     let cache = solve::bytes(entries, plan.layers(), paths);
     let stored_cache = 2 * (entries * CacheHalf::bytes_per_entry(plan.layers())) as u64;
     // Towards a target layers are denoised between rounds, too: beside the cache.
     let is_judged = prepared.denoise.is_some() && prepared.limits.target_error.is_some();
     let beside = if is_judged { stored_cache } else { 0 };
     let rays = prepared.rays()?;
-    let tile = TILE / sketch.finer as usize;
+    let tile = TILE / layout.finer as usize;
     let has_sky = !plan.suns.is_empty() || !plan.sky_hours.is_empty();
     Ok(Forecast {
-        size: sketch.size,
-        finer: sketch.finer,
+        size: layout.size,
+        finer: layout.finer,
         pages: atlas.pages,
         texels,
         skipped_triangles: atlas.skipped.triangles,
         skipped_area: atlas.skipped.area,
-        skipped_rays: sketch.rays.rays(),
-        texels_per_metre: sketch.texels_per_metre(),
+        skipped_rays: layout.rays.rays(),
+        texels_per_metre: layout.texels_per_metre(),
         extent: extent(&prepared.geometry.positions),
         dataset_bytes: disk.dataset,
         layers_bytes: disk.traced + disk.filtered,
@@ -139,7 +139,7 @@ pub fn forecast(prepared: &Prepared, sketch: &Sketch) -> Result<Forecast> {
         memory_bytes: memory(triangles, assembling.max(cache).max(beside + denoising)),
         views: views(&prepared.scene.cameras, &prepared.geometry, atlas, tile, &rays),
         lit_tiles: lit_tiles(atlas, tile),
-        open: has_sky.then(|| open(prepared, atlas, &rays, &bins, &blocks)),
+        escaping_rays: has_sky.then(|| escaping_rays(prepared, atlas, &rays, &bins, &blocks)),
     })
 }
 
@@ -161,19 +161,25 @@ pub(super) fn extent(positions: &[Vec3]) -> [f64; 3] {
 }
 
 /// Entries of the cache.
-pub(super) fn cache_entries(prepared: &Prepared, sketch: &Sketch) -> usize {
-    let shift = solve::shift(sketch.texels(), prepared.plan.layers());
-    let halvings = sketch.finer.ilog2();
-    // Squares smaller than a texel of the sketch are so many times as many as its texels.
+pub(super) fn cache_entries(prepared: &Prepared, layout: &LayoutEstimate) -> usize {
+    let shift = solve::shift(layout.texels(), prepared.plan.layers());
+    let halvings = layout.finer.ilog2();
+    // Squares smaller than a texel of the layout are so many times as many as its texels.
     let (coarse, smaller) = (shift.saturating_sub(halvings), halvings.saturating_sub(shift));
     let most = solve::most_entries(prepared.plan.layers());
-    let atlas = &sketch.atlas;
+    let atlas = &layout.atlas;
     let map = CacheMap::new(atlas, &prepared.geometry, (coarse, most), atlas.touched());
     ((map.squares() << (2 * smaller)) + map.patches()).min(most.max(map.squares() << (2 * smaller)))
 }
 
-/// How many of [`OPEN_RAYS`] rays from points spread over the pages leave the scene.
-fn open(prepared: &Prepared, atlas: &Atlas, rays: &Rays, bins: &FaceBins, blocks: &[usize]) -> usize {
+/// How many of [`ESCAPE_RAYS`] rays from points spread over the pages leave the scene.
+fn escaping_rays(
+    prepared: &Prepared,
+    atlas: &Atlas,
+    rays: &Rays,
+    bins: &FaceBins,
+    blocks: &[usize],
+) -> usize {
     let geometry = &prepared.geometry;
     // A white sky: what sees it, sees out.
     let white = Sky::Constant { radiance: DVec3::ONE };
@@ -181,7 +187,7 @@ fn open(prepared: &Prepared, atlas: &Atlas, rays: &Rays, bins: &FaceBins, blocks
     let transport = Transport::new(Space::new(geometry, rays), &lights, Some(0));
     // A few blocks, evenly spread, and as many rays from each.
     let of_group = |group: usize| {
-        let block = blocks[group * blocks.len() / OPEN_BLOCKS];
+        let block = blocks[group * blocks.len() / ESCAPE_BLOCKS];
         let surface = BlockSurface::new(atlas, bins, block);
         let places: Vec<usize> = surface.covered().collect();
         let leaves = |ray: &usize| {
@@ -198,7 +204,7 @@ fn open(prepared: &Prepared, atlas: &Atlas, rays: &Rays, bins: &FaceBins, blocks
         };
         (0..PER_BLOCK).filter(leaves).count()
     };
-    if blocks.is_empty() { 0 } else { (0..OPEN_BLOCKS).into_par_iter().map(of_group).sum() }
+    if blocks.is_empty() { 0 } else { (0..ESCAPE_BLOCKS).into_par_iter().map(of_group).sum() }
 }
 
 /// Texels per metre to one decimal, or to two digits where that would show few.

@@ -11,12 +11,12 @@ use crate::trace::cache_half::CacheHalf;
 use crate::trace::counts::RayCounts;
 use crate::trace::facet_index::FacetIndex;
 use crate::trace::facets::{CLUSTERS, Facet, sides};
+use crate::trace::path::{Arrival, balance_heuristic};
 use crate::trace::reflectors::{Part, Reflectors, View};
 use crate::trace::sampler::Sample;
 use crate::trace::space::Receiver;
-use crate::trace::subset::{ALL_UP_TO, Comb, chances};
+use crate::trace::subset::{ALL_UP_TO, SystematicSampler, chances};
 use crate::trace::triangle::Hit;
-use crate::trace::path::{Arrival, balance_heuristic};
 use dataset::console::interrupted;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -256,7 +256,7 @@ impl Worker<'_> {
             true
         };
         transport.indirect(at, sample, land, out, Some(met), counts);
-        let mut comb = Comb::new(if seen.is_empty() { 0.0 } else { sample.number(LOOK) });
+        let mut comb = SystematicSampler::new(if seen.is_empty() { 0.0 } else { sample.number(LOOK) });
         for (reflectors, sight) in cache.reflectors.iter().zip(*seen) {
             if let Some(Sight { view, chance }) = sight
                 && comb.asks(*chance)

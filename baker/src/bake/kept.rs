@@ -17,8 +17,8 @@ pub fn missing(plan: &Plan, layers: &Layers, base: &str, digests: &[String]) -> 
     (0..digests.len()).filter(is_missing).collect()
 }
 
-/// The layers, ascending, of the frames that miss a target error, where those layers were traced until they met
-/// it: by other colours, intensities or schedules, or together with others. `light`: all layers.
+/// The layers, ascending, of the frames that miss a target error, where those layers were traced until they
+/// met it: by other colours, intensities or schedules, or together with others. `light`: all layers.
 pub fn missing_target(plan: &Plan, light: &Light, target: f64) -> Result<Vec<usize>> {
     let mut found = BTreeSet::new();
     for time in 0..plan.times.len() {

@@ -16,8 +16,8 @@ use crate::atlas::owners::Owners;
 use crate::surface::{BLOCK, BlockSurface};
 use crate::trace::counts::RayCounts;
 use crate::trace::lights::Lights;
-use crate::trace::sampler::{Kind, Sequence};
 use crate::trace::path::point_pair;
+use crate::trace::sampler::{Kind, Sequence};
 use dataset::console::{Console, stop_if_interrupted};
 use dataset::image::encode_png;
 use rayon::prelude::*;
@@ -305,8 +305,8 @@ impl Places {
         self.owners.of(x, y)
     }
 
-    /// Per cell of a frame, the light below which nothing is judged: by the median of its own light and that of
-    /// the cells seen from it.
+    /// Per cell of a frame, the light below which nothing is judged: by the median of its own light and that
+    /// of the cells seen from it.
     pub fn floors(&self, cells: &[Sums]) -> Vec<f64> {
         let floor = |place: usize| {
             let looks = self.seen[place].iter().filter(|seen| **seen != NONE).map(|seen| *seen as usize);

@@ -2,8 +2,8 @@
 
 use super::check::Check;
 use super::denoise;
+use super::disk_space;
 use super::local::Local;
-use super::room;
 use super::rounds::Round;
 use crate::light::extra_times;
 use crate::light::schedule::Hours;
@@ -25,29 +25,28 @@ pub struct Options {
     pub transfer: bool,
     /// Of the sun only what surfaces reflect, as if the scene said `baked = "indirect"` of it.
     pub indirect: bool,
-    /// Samples of indirect light per texel; `None`: the scene's, or up to 65536 towards a target or under a
-    /// time limit.
+    /// Samples of indirect light per texel; `None`: the scene's, or up to 65536 with a target or a time
+    /// limit.
     pub samples: Option<u32>,
     /// Relative error at which 16×16 texels get no more samples.
     pub target_error: Option<f64>,
     /// Tracing stops after this time, whatever was reached, but not before the first round is done.
     pub time_limit: Option<Duration>,
-    /// How light is followed past the first surface.
+    /// How light is traced beyond the first surface.
     pub integrator: Integrator,
-    /// What finds the hits of rays.
+    /// The ray-tracing backend.
     pub backend: Backend,
     /// Whether indirect light is denoised.
     pub denoise: Denoise,
-    /// Check some texels against so many paths each that are followed to their end.
+    /// Retrace some texels with this many unbiased paths each, to measure the error.
     pub check: Option<u32>,
-    /// How large and how good.
+    /// Size and samples.
     pub preset: Preset,
     /// The dataset's folder; `None`: `dataset/<scene>` in the working folder.
     pub out: Option<PathBuf>,
-    /// Forget earlier work on this dataset, and replace it by less if need be.
+    /// Discard earlier work on this dataset, and replace it even by less.
     pub force: bool,
-    /// Tells the bytes that are free on the file system of a folder, where that is known. (A test says
-    /// otherwise.)
+    /// Returns the free bytes on the file system of a folder, if known. (Tests replace it.)
     pub free_bytes: fn(&Path) -> Option<u64>,
 }
 
@@ -69,7 +68,7 @@ impl Options {
             preset: Preset::Default,
             out: None,
             force: false,
-            free_bytes: room::free_bytes,
+            free_bytes: disk_space::free_bytes,
         }
     }
 }
@@ -105,13 +104,13 @@ impl Denoise {
     }
 }
 
-/// How light is followed past the first surface.
+/// How light is traced beyond the first surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Integrator {
-    /// Paths end at the first surface where the light of the whole day has been solved for beforehand.
+    /// Paths end in an irradiance cache that is computed first: fast, slightly biased.
     Cached,
-    /// Paths go on to their end: unbiased, with a fixed number of samples.
+    /// Plain path tracing: unbiased for a fixed number of samples.
     Path,
 }
 
@@ -169,8 +168,9 @@ pub struct Outcome {
     pub check: Option<Check>,
     /// Facts about geometry and page, in words.
     pub facts: Vec<String>,
-    /// What was left out and why.
-    pub left_out: Vec<String>,
+    /// What was skipped and why.
+    #[serde(alias = "left_out")]
+    pub skipped: Vec<String>,
     /// What the user should know.
     pub warnings: Vec<String>,
 }

@@ -45,7 +45,7 @@ pub struct Plan {
     /// Which part of the skies' light they hold.
     sky_baked: Baked,
     /// What is not traced, and why, in words.
-    pub left_out: Vec<String>,
+    pub skipped: Vec<String>,
 }
 
 /// A group to trace, in units of its own brightest light: a change of its colour or intensity changes `scale`
@@ -72,48 +72,48 @@ impl Plan {
     /// Plans the bake of `scene` at `hours`, and at no more than `most` extra times.
     pub fn new(scene: &Scene, geometry: &Geometry, hours: &Hours, most: u32) -> Self {
         let (times, extra_times) = extra_times::time_points(scene, hours, most);
-        let mut left_out = Vec::new();
-        left_out.extend(extra_times.left_out());
+        let mut skipped = Vec::new();
+        skipped.extend(extra_times.skipped());
         let outside = switches_outside(hours, &scene.groups);
         if !outside.is_empty() {
-            left_out.push(format!(
+            skipped.push(format!(
                 "no frames beside the light switches at {}: the hours asked for end before or begin after",
                 outside.iter().map(|&at| hour(at)).collect::<Vec<_>>().join(", ")
             ));
         }
-        let (suns, sun_of) = plan_suns(scene, &times, &mut left_out);
-        let (skies, sky_of) = plan_skies(scene, &times, &mut left_out);
+        let (suns, sun_of) = plan_suns(scene, &times, &mut skipped);
+        let (skies, sky_of) = plan_skies(scene, &times, &mut skipped);
 
         // Groups: only those some time shows, and that shine.
         let mut groups = Vec::new();
         let mut place_of_group = vec![None; scene.groups.len()];
         for (g, group) in scene.groups.iter().enumerate() {
             if group.baked == Baked::None {
-                left_out.push(format!("group \"{}\" is not traced: baked = \"none\"", group.name));
+                skipped.push(format!("group \"{}\" is not traced: baked = \"none\"", group.name));
                 continue;
             }
             if !times.iter().any(|m| m.groups_on[g]) {
-                left_out.push(format!("group \"{}\" is not traced: off at every time baked", group.name));
+                skipped.push(format!("group \"{}\" is not traced: off at every time baked", group.name));
                 continue;
             }
             let planned = PlannedGroup::new(group, g, geometry);
             if planned.scale == Rgb::ZERO {
-                left_out.push(format!("group \"{}\" is not traced: nothing in it shines", group.name));
+                skipped.push(format!("group \"{}\" is not traced: nothing in it shines", group.name));
                 continue;
             }
             place_of_group[g] = Some(groups.len());
             groups.push(planned);
         }
         if matches!(scene.sky, Some(Sky::Harmonics { .. })) {
-            left_out.push("no sun and no lamps: a transfer is of the sky's functions".to_owned());
+            skipped.push("no sun and no lamps: a transfer is of the sky's functions".to_owned());
         } else if scene.groups.is_empty() {
-            left_out.push("no lamp sampler and no switch extras: the scene has no light groups".to_owned());
+            skipped.push("no lamp sampler and no switch extras: the scene has no light groups".to_owned());
         }
         if !geometry.materials.iter().any(|m| m.alpha_cutoff.is_some()) {
-            left_out.push("no alpha tests: the scene has no cut-outs".to_owned());
+            skipped.push("no alpha tests: the scene has no cut-outs".to_owned());
         }
         if geometry.textures.is_empty() {
-            left_out.push("no texture lookups: the scene has no textures".to_owned());
+            skipped.push("no texture lookups: the scene has no textures".to_owned());
         }
         let sky_names = skies.iter().map(|&at| sky_name(scene, at)).collect();
         Plan {
@@ -128,7 +128,7 @@ impl Plan {
             place_of_group,
             sun_baked: scene.sun_baked,
             sky_baked: scene.sky_baked,
-            left_out,
+            skipped,
         }
     }
 
@@ -285,7 +285,7 @@ pub fn hour(hour: f64) -> String {
 fn plan_suns(
     scene: &Scene,
     times: &[TimePoint],
-    left_out: &mut Vec<String>,
+    skipped: &mut Vec<String>,
 ) -> (Vec<SunDisc>, Vec<Option<usize>>) {
     let mut suns: Vec<SunDisc> = Vec::new();
     let traced = scene.sun.as_ref().filter(|_| scene.sun_baked != Baked::None);
@@ -303,18 +303,18 @@ fn plan_suns(
     if matches!(scene.sky, Some(Sky::Harmonics { .. })) {
         // Told with the lamps.
     } else if scene.sun.is_none() {
-        left_out.push("no sun rays: the scene has no sun".to_owned());
+        skipped.push("no sun rays: the scene has no sun".to_owned());
     } else if scene.sun_baked == Baked::None {
-        left_out.push("no sun rays: [sun] baked = \"none\"".to_owned());
+        skipped.push("no sun rays: [sun] baked = \"none\"".to_owned());
     } else if with_sun < times.len() {
-        left_out.push(format!(
+        skipped.push(format!(
             "no sun rays at {} of {}: the sun gives no light then",
             times.len() - with_sun,
             count(times.len(), "time")
         ));
     }
     if suns.len() < with_sun {
-        left_out.push(format!("{with_sun} times with sun share {}", count(suns.len(), "distinct sun")));
+        skipped.push(format!("{with_sun} times with sun share {}", count(suns.len(), "distinct sun")));
     }
     (suns, sun_of)
 }
@@ -323,7 +323,7 @@ fn plan_suns(
 fn plan_skies(
     scene: &Scene,
     times: &[TimePoint],
-    left_out: &mut Vec<String>,
+    skipped: &mut Vec<String>,
 ) -> (Vec<f64>, Vec<Option<usize>>) {
     let mut skies: Vec<(f64, Vec<Vec3>)> = Vec::new();
     let mut black = 0;
@@ -344,16 +344,16 @@ fn plan_skies(
     }
     let lit = times.len() - black;
     if scene.sky.is_none() {
-        left_out.push("no sky lookups: the scene has no sky".to_owned());
+        skipped.push("no sky lookups: the scene has no sky".to_owned());
     } else if scene.sky_baked == Baked::None {
-        left_out.push("no sky lookups: [sky] baked = \"none\"".to_owned());
+        skipped.push("no sky lookups: [sky] baked = \"none\"".to_owned());
     } else if lit == 0 {
-        left_out.push("no sky lookups: the sky is black at every time".to_owned());
+        skipped.push("no sky lookups: the sky is black at every time".to_owned());
     } else if black > 0 {
-        left_out.push(format!("no sky at {black} of {}: it is black then", count(times.len(), "time")));
+        skipped.push(format!("no sky at {black} of {}: it is black then", count(times.len(), "time")));
     }
     if skies.len() < lit {
-        left_out.push(format!(
+        skipped.push(format!(
             "{lit} times with light in the sky share {}",
             if skies.len() == 1 { "one".to_owned() } else { format!("{} distinct skies", skies.len()) }
         ));

@@ -168,8 +168,7 @@ impl Prepared {
         self.digests.iter().for_each(|d| {
             hash.update(d.as_bytes());
         });
-        let times: Vec<(f64, &[bool])> =
-            self.plan.times.iter().map(|m| (m.hour, &m.groups_on[..])).collect();
+        let times: Vec<(f64, &[bool])> = self.plan.times.iter().map(|m| (m.hour, &m.groups_on[..])).collect();
         hash.update(&json::bytes(&(times, &settings), "settings")?);
         if let Some(transfer) = &self.transfer {
             hash.update(&json::bytes(transfer, "transfer")?);
@@ -222,15 +221,15 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
         facts::found_portals(&scene.portals).into_iter().for_each(|what| console.say(format!("  {what}")));
     }
     let mut plan = Plan::new(&scene, &geometry, &hours, options.extra_times);
-    let course = course(&scene, &hours, &mut plan.left_out)?;
+    let course = course(&scene, &hours, &mut plan.skipped)?;
     let integrator = match (options.integrator, scene.bake.bounces) {
         (Integrator::Cached, Some(most)) => {
             let why = "the cache holds all bounces";
-            plan.left_out.push(format!("no cache: at most {most} bounces are asked for, {why}"));
+            plan.skipped.push(format!("no cache: at most {most} bounces are asked for, {why}"));
             Integrator::Path
         }
         (Integrator::Path, _) => {
-            plan.left_out.push("no cache: --integrator path".to_owned());
+            plan.skipped.push("no cache: --integrator path".to_owned());
             Integrator::Path
         }
         (integrator, None) => integrator,
@@ -332,14 +331,14 @@ fn apply(scene: &mut Scene, options: &Options) -> Result<()> {
 ///
 /// # Errors
 /// [`Error::Unsupported`] of a course with more times than a dataset holds.
-fn course(scene: &Scene, hours: &Hours, left_out: &mut Vec<String>) -> Result<Option<Course>> {
+fn course(scene: &Scene, hours: &Hours, skipped: &mut Vec<String>) -> Result<Option<Course>> {
     let (Some(sun), Some(visibility)) = (&scene.sun, scene.sun_visibility) else { return Ok(None) };
     if matches!(scene.sky, Some(Sky::Harmonics { .. })) || scene.sun_baked == Baked::None {
         // (Told with its rays.)
         return Ok(None);
     }
     let Some(minutes) = visibility.minutes() else {
-        left_out.push(match scene.sun_baked {
+        skipped.push(match scene.sun_baked {
             Baked::All => "no visibility of the sun: [sun] visibility = \"off\"".to_owned(),
             _ => "no visibility of the sun: its direct light is not baked ([sun] visibility asks for it all the same)".to_owned(),
         });
@@ -347,12 +346,12 @@ fn course(scene: &Scene, hours: &Hours, left_out: &mut Vec<String>) -> Result<Op
     };
     let [from, to] = hours.span();
     if from == to {
-        left_out.push("no visibility of the sun over time: one time is baked".to_owned());
+        skipped.push("no visibility of the sun over time: one time is baked".to_owned());
         return Ok(None);
     }
     let course = Course::new(sun, scene.place.as_ref(), [from, to], minutes);
     if course.is_dark() {
-        left_out.push(
+        skipped.push(
             "no visibility of the sun: it gives no light between the first and the last hour".to_owned(),
         );
         return Ok(None);

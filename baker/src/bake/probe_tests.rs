@@ -7,9 +7,9 @@ use crate::geometry::{Geometry, Instance, Material, Solids};
 use crate::scene::{Lightmap, LightmapSize};
 use crate::surface::FaceBins;
 use crate::trace::lights::Lights;
+use crate::trace::path::Transport;
 use crate::trace::rays::Rays;
 use crate::trace::space::Space;
-use crate::trace::path::Transport;
 use glam::{DAffine3, Vec2, Vec3, vec3};
 
 fn material(two_sided: bool) -> Material {

@@ -2,10 +2,10 @@
 
 use super::errors::{Errors, Sums, median};
 use super::local::Local;
-use super::unconverged::Block;
 use super::rounds::Round;
 use super::state::CELLS;
 use super::tracer::Tracer;
+use super::unconverged::Block;
 use crate::trace::counts::RayCounts;
 
 /// A block after a round.

@@ -47,8 +47,8 @@ pub struct Round {
     /// Mean light of every frame over the whole page, of the layers this run traces.
     #[serde(alias = "set_means")]
     pub frame_means: Vec<f64>,
-    /// Local errors over all cells and frames, of the layers this run traces ([`super::local`]); `None` without
-    /// light.
+    /// Local errors over all cells and frames, of the layers this run traces ([`super::local`]); `None`
+    /// without light.
     #[serde(default)]
     pub local: Option<Local>,
     /// Those of every frame.

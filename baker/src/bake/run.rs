@@ -5,19 +5,19 @@ use super::block::Worker;
 use super::charts::Charts;
 use super::check::{Check, Chosen, check, choose};
 use super::denoise::Denoiser;
+use super::disk_space::DiskSpace;
 use super::endless;
 use super::errors::median;
+use super::existing::{self, ERRORS, RUN};
 use super::facts;
 use super::folder;
 use super::forecast::{extent, scale};
 use super::json;
 use super::kept;
 use super::layers::{Layers, Texel};
+use super::layout_estimate::LayoutEstimate;
 use super::local::Places;
-use super::room::Disk;
 use super::rounds::{Traced, certain};
-use super::sketch::Sketch;
-use super::existing::{self, ERRORS, RUN};
 use super::state::Kinds;
 use super::target;
 use super::tracer::{Judge, Tracer, Way};
@@ -96,10 +96,10 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         what.into_iter().for_each(|what| console.say(format!("  {what}")));
     }
     atlas.warnings.iter().for_each(|w| console.warn(w));
-    let sketch = Sketch::exact(atlas, looking);
-    let disk = Disk::left(&prepared, &sketch, &out, options);
-    let atlas = sketch.atlas;
-    disk.expect_room(&out, (options.free_bytes)(&out)).inspect_err(|_| folder::leave(&out))?;
+    let layout = LayoutEstimate::exact(atlas, looking);
+    let disk = DiskSpace::left(&prepared, &layout, &out, options);
+    let atlas = layout.atlas;
+    disk.expect_space(&out, (options.free_bytes)(&out)).inspect_err(|_| folder::leave(&out))?;
     folder::begin(&out)?;
     let mut writer = Writer::create(&out)?;
     if options.force {
@@ -189,7 +189,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
     writer.commit(&config)?;
     let discarded = layers.keep_only(&base, digests, &filtered, sun.kept.as_deref());
     if discarded > 0 {
-        console.say(format!("no longer kept, as this bake does not use them: {}", count(discarded, "layer")));
+        console.say(format!("discarding layers that this bake does not use: {}", count(discarded, "layer")));
     }
 
     folder::end(&out);
@@ -220,7 +220,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<O
         facts,
         rounds: traced.rounds,
         check,
-        left_out: prepared.plan.left_out,
+        skipped: prepared.plan.skipped,
         warnings,
     };
     write_atomically(&out.join(RUN), &json::bytes(&outcome, RUN)?)?;
@@ -407,8 +407,10 @@ impl Run<'_> {
             })?;
             if !again.is_empty() {
                 let names: Vec<String> = again.iter().map(|&l| plan.name_of(l)).collect();
-                console
-                    .say(format!("by this light the target is missed: traced again: {}", names.join(", ")));
+                console.say(format!(
+                    "these kept layers miss the target with the new light and are traced again: {}",
+                    names.join(", ")
+                ));
                 layers.forget(again.iter().map(|&l| &digests[l]))?;
                 let (new, more) = self.trace(&again, denoiser)?;
                 let rays = traced.rays + new.rays;
@@ -460,7 +462,7 @@ impl Run<'_> {
         let wanted: Vec<String> = chosen.iter().map(|&l| digests[l].clone()).collect();
         let mut warnings = Vec::new();
         if existing::refuse_unfinished(out, &work, layers)? {
-            let dropped = "an unfinished bake here was of other settings: its work is dropped (the same command would have gone on)";
+            let dropped = "discarding the unfinished work of a bake with other settings (its command would have continued it)";
             console.warn(dropped);
             warnings.push(dropped.to_owned());
         }

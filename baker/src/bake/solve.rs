@@ -1,10 +1,10 @@
 //! Fills the cache: the irradiance of every layer, all bounces, at every entry.
 //!
-//! Its entries are laid out; a few paths from each (`solver_paths`) give a source, their own light and the entry's
-//! direct light, and the entries they land on; the balance of all of them (`balance`) is the light.
+//! Its entries are laid out; a few paths from each (`solver_paths`) give a source, their own light and the
+//! entry's direct light, and the entries they land on; the balance of all of them (`balance`) is the light.
 
-use super::balance::{LEAST_PATHS, ORDINARY_PATHS, Solution, System, paths_per_entry};
 use super::block::{Worker, sum};
+use super::cache_system::{LEAST_PATHS, ORDINARY_PATHS, Solution, System, paths_per_entry};
 use super::endless;
 use super::indirect::Cache;
 use super::solver_paths::trace;
@@ -65,7 +65,7 @@ pub fn covered(worker: &Worker, surface: &BlockSurface, probes: &[u16]) -> Cover
         if !is_exposed(probes) {
             found.split.push((place(texel), Vec::new()));
         } else if worker.is_split(surface, texel, probes, &mut found.counts) {
-            found.split.push((place(texel), worker.witnesses(surface, texel, probes)));
+            found.split.push((place(texel), worker.surface_points(surface, texel, probes)));
         }
     }
     found
@@ -80,7 +80,7 @@ pub fn map<'a>(worker: &Worker<'a>, found: Vec<Covered>, layers: usize) -> (Cach
         CacheMap::new(worker.atlas, worker.transport.space.geometry, (shift, most_entries(layers)), covered);
     let counts = sum(found.iter().map(|f| f.counts));
     let split = found.into_iter().flat_map(|f| f.split);
-    split.for_each(|(texel, witnesses)| map.split(texel as usize, witnesses));
+    split.for_each(|(texel, surface_points)| map.split(texel as usize, surface_points));
     (map, counts)
 }
 

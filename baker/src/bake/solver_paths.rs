@@ -1,14 +1,14 @@
 //! The paths the cache is solved on: a few from each of its entries.
 
-use super::balance::{Landing, NOWHERE, System};
 use super::block::{Stream, Worker, sum};
+use super::cache_system::{NOWHERE, PathEnd, System};
 use super::state::BlockState;
 use crate::surface::SurfacePoint;
 use crate::trace::cache::{CacheMap, Patch};
 use crate::trace::counts::RayCounts;
+use crate::trace::path::{Arrival, point_pair};
 use crate::trace::sampler::{Kind, Sample, Sequence};
 use crate::trace::space::Receiver;
-use crate::trace::path::{Arrival, point_pair};
 use crate::{Result, Rgb};
 use dataset::console::stop_if_interrupted;
 use rayon::prelude::*;
@@ -33,7 +33,7 @@ pub fn trace(
         layers,
         source: vec![Rgb::ZERO; n * layers],
         paths,
-        landings: vec![NOWHERE; n * paths],
+        path_ends: vec![NOWHERE; n * paths],
         share: vec![0.0; n],
     });
     let keep = |traced: Vec<TracedEntry>| {
@@ -42,7 +42,7 @@ pub fn trace(
         for entry in traced {
             let e = entry.entry as usize;
             system.source[e * layers..(e + 1) * layers].copy_from_slice(&entry.source);
-            system.landings[e * paths..][..entry.landings.len()].copy_from_slice(&entry.landings);
+            system.path_ends[e * paths..][..entry.path_ends.len()].copy_from_slice(&entry.path_ends);
             system.share[e] = entry.share;
             counts += entry.counts;
         }
@@ -72,7 +72,7 @@ const PATHS_A_DIRECT: usize = 4;
 struct TracedEntry {
     entry: u32,
     source: Vec<Rgb>,
-    landings: Vec<Landing>,
+    path_ends: Vec<PathEnd>,
     share: f32,
     counts: RayCounts,
 }
@@ -170,19 +170,19 @@ fn follow(
     start: impl Fn(usize, &mut RayCounts) -> Option<(Receiver, Sample)>,
 ) -> TracedEntry {
     let mut counts = RayCounts::default();
-    let (mut landings, mut followed) = (Vec::new(), 0);
+    let (mut path_ends, mut followed) = (Vec::new(), 0);
     let mut met = vec![Rgb::ZERO; source.len()];
     for i in 0..paths {
         let Some((at, sample)) = start(i, &mut counts) else { continue };
         followed += 1;
         let land = |at: &Arrival, _: &mut [Rgb], counts: &mut RayCounts| {
             let entry = map.entry(&worker.transport.space, &at.hit, at.is_back, counts);
-            landings.extend(entry.map(|entry| Landing { entry, weight: at.weight.to_array() }));
+            path_ends.extend(entry.map(|entry| PathEnd { entry, weight: at.weight.to_array() }));
             entry.is_some()
         };
         worker.transport.indirect(&at, sample, land, &mut met, None, &mut counts);
     }
     let share = if followed > 0 { 1.0 / followed as f32 } else { 0.0 };
     source.iter_mut().zip(&met).for_each(|(s, m)| *s += *m * share);
-    TracedEntry { entry, source, landings, share, counts }
+    TracedEntry { entry, source, path_ends, share, counts }
 }

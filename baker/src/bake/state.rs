@@ -151,11 +151,11 @@ impl BlockState {
         is_exposed(self.probes.get(texel).copied().unwrap_or(0))
     }
 
-    /// Sums of the pilot samples' mean direct light of each light over the exposed texels, and how many those are.
+    /// Sums of the pilot samples' mean direct light of each light over the exposed texels, and how many those
+    /// are.
     pub fn trial_sums(&self, lights: usize) -> (Vec<f64>, f64) {
         let mut sums = vec![0.0; lights];
-        let pilot =
-            self.pilot.chunks(lights.max(1)).enumerate().filter(|(texel, _)| self.is_exposed(*texel));
+        let pilot = self.pilot.chunks(lights.max(1)).enumerate().filter(|(texel, _)| self.is_exposed(*texel));
         for (_, pilot) in pilot {
             sums.iter_mut().zip(pilot).for_each(|(s, d)| *s += f64::from(d.mean().element_sum()));
         }

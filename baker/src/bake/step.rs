@@ -1,8 +1,8 @@
 //! One round, as a block sees it: what it goes for, and by what its samples are handed out.
 
 use super::allocate::Pivot;
-use super::unconverged::UnconvergedCells;
 use super::state::CELLS;
+use super::unconverged::UnconvergedCells;
 use crate::surface::BlockSurface;
 use std::time::Instant;
 
@@ -51,7 +51,9 @@ impl Step {
 
     /// The cells of a block that get samples.
     pub fn active(&self, surface: &BlockSurface) -> [bool; CELLS] {
-        self.unconverged.as_ref().map_or([true; CELLS], |unconverged| unconverged.of_block(surface.x0, surface.y0))
+        self.unconverged
+            .as_ref()
+            .map_or([true; CELLS], |unconverged| unconverged.of_block(surface.x0, surface.y0))
     }
 
     /// Whether the time of the round is over.
@@ -69,8 +71,16 @@ mod tests {
         let slices = |before: u32, target: u32, deadline| {
             let pivot = Pivot::OfCell;
             let stops = vec![target];
-            let step =
-                Step { round: 2, before, target, stops, deadline, pivot, first_means: None, unconverged: None };
+            let step = Step {
+                round: 2,
+                before,
+                target,
+                stops,
+                deadline,
+                pivot,
+                first_means: None,
+                unconverged: None,
+            };
             step.slices().collect::<Vec<u32>>()
         };
         assert_eq!(slices(1 << 15, 1 << 16, None), [1 << 16]);

@@ -11,13 +11,13 @@ use super::endless;
 use super::errors::{Parts, cell_of};
 use super::indirect::Cache;
 use super::local::{Places, of_block};
-use super::unconverged::UnconvergedCells;
 use super::reached::{Done, summarise};
 use super::rounds::{Limits, Round, Traced, note, schedule, stops};
 use super::solve::{self, Covered};
 use super::state::{BlockState, CELLS};
 use super::step::Step;
 use super::target::Judged;
+use super::unconverged::UnconvergedCells;
 use super::work::{DIRECT, PIVOT, ROUNDS, UNSETTLED, WorkFolder};
 use crate::Result;
 use crate::surface::BlockSurface;
@@ -232,8 +232,12 @@ impl Tracer<'_> {
                 way.steps.push(Step { deadline: None, ..step });
             }
             if let Some(target) = limits.target_error {
-                let mut unconverged =
-                    UnconvergedCells::find(self.places, target, self.frames.len(), done.iter().map(Done::cells));
+                let mut unconverged = UnconvergedCells::find(
+                    self.places,
+                    target,
+                    self.frames.len(),
+                    done.iter().map(Done::cells),
+                );
                 if let Some(judge) = judge
                     && is_worth_denoising(&unconverged, &reached, target)
                 {

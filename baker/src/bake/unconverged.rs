@@ -50,8 +50,8 @@ impl UnconvergedCells {
     /// The cells that miss the `target` (a local error) in one of the frames, by themselves or together with
     /// those around them; one without exposed texels never. Together, errors count beside what is tolerated
     /// of the cell they are of, or of the one that is judged, whichever is more: what is bright does not hide
-    /// what its dim neighbours miss, nor go on for their sake. Where no frame has light yet, or hardly a texel
-    /// has seen any, nearly all of it may be missing: all cells are unconverged.
+    /// what its dim neighbours miss, nor go on for their sake. Where no frame has light yet, or hardly a
+    /// texel has seen any, nearly all of it may be missing: all cells are unconverged.
     pub fn find<'a>(
         places: &Places,
         target: f64,
@@ -79,7 +79,11 @@ impl UnconvergedCells {
             found.judge(places, target, &cells, &exposed);
         }
         if is_dark || lit * HARDLY < texels {
-            found.unconverged.iter_mut().zip(exposed).for_each(|(unconverged, exposed)| *unconverged |= exposed > 0);
+            found
+                .unconverged
+                .iter_mut()
+                .zip(exposed)
+                .for_each(|(unconverged, exposed)| *unconverged |= exposed > 0);
             (found.missed, found.is_dark) = (1.0, true);
         }
         found
@@ -102,7 +106,8 @@ impl UnconvergedCells {
                 errors += (sums.squared_error + bias) / tolerated.powi(2);
                 all += values[near];
             }
-            let is_unconverged = error(&cells[place], floors[place], biases[place]) > target || errors > all as f64;
+            let is_unconverged =
+                error(&cells[place], floors[place], biases[place]) > target || errors > all as f64;
             self.unconverged[place] |= is_unconverged;
             // What no light has found in this frame, and what is told of no error, hides none that is missed.
             if is_unconverged || cells[place].values > 0 {
@@ -289,7 +294,10 @@ mod tests {
             }
             let mut unconverged = UnconvergedCells::none(places.grid());
             unconverged.judge(&places, 0.05, &cells, &vec![1; cells.len()]);
-            (places.errors(&cells)[9], unconverged.unconverged[1..].iter().filter(|unconverged| **unconverged).count())
+            (
+                places.errors(&cells)[9],
+                unconverged.unconverged[1..].iter().filter(|unconverged| **unconverged).count(),
+            )
         };
         let near = |(error, unconverged): (f64, usize), expected: (f64, usize)| {
             assert!((error - expected.0).abs() < 1e-6 && unconverged == expected.1, "{error} {unconverged}");

@@ -59,7 +59,7 @@ pub struct ExtraTime {
 
 impl ExtraTimes {
     /// Why there are none, or not enough, in words.
-    pub fn left_out(&self) -> Option<String> {
+    pub fn skipped(&self) -> Option<String> {
         let (before, after) = (self.error_before?, self.error_after?);
         if self.added.is_empty() && before <= BOUND {
             return Some(format!(
@@ -151,8 +151,8 @@ impl<'a> Smooth<'a> {
 /// A gap between two neighbouring times between which light is interpolated.
 #[derive(Clone, Debug)]
 struct Gap {
-    /// Times in micro-hours, the first and the last those of time points, the others whole minutes; and the light
-    /// at each. The last may be past midnight.
+    /// Times in micro-hours, the first and the last those of time points, the others whole minutes; and the
+    /// light at each. The last may be past midnight.
     light: Vec<(i64, f64)>,
     /// Light below this counts as this much.
     floor: f64,

@@ -98,9 +98,9 @@ fn more_times_leave_less_until_the_bound_is_reached() {
     assert!(errors.is_sorted_by(|a, b| a * 1.002 >= *b) && errors[7] < 0.1 * errors[0], "{errors:?}");
     let plenty = times(&scene, "0..24", 100);
     assert!(plenty.added.len() < 40 && plenty.error_after.unwrap() <= BOUND, "{plenty:?}");
-    assert_eq!(plenty.left_out(), None);
+    assert_eq!(plenty.skipped(), None);
     let few = times(&scene, "0..24", 2);
-    assert!(few.left_out().unwrap().starts_with("no more than 2 extra times (--extra-times)"));
+    assert!(few.skipped().unwrap().starts_with("no more than 2 extra times (--extra-times)"));
     // The same again.
     assert_eq!(few, times(&scene, "0..24", 2));
 }
@@ -118,7 +118,7 @@ fn none_is_added_where_none_is_wanted() {
     assert!(!dusk.is_empty() && dusk.iter().all(|h| (18.0..21.0).contains(h)), "{dusk:?}");
     // By day there is no need.
     let noon = times(&scene, "11..15", MOST);
-    assert!(noon.added.is_empty() && noon.left_out().unwrap().starts_with("no extra times"), "{noon:?}");
+    assert!(noon.added.is_empty() && noon.skipped().unwrap().starts_with("no extra times"), "{noon:?}");
     // 240 hours a day are what was asked for, and 72 are not.
     assert_eq!(times(&scene, "0..24/0.1", MOST), ExtraTimes::default());
     assert_eq!(times(&scene, "0..24/0.333", MOST).added.len(), MOST as usize);

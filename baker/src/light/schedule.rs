@@ -172,8 +172,8 @@ pub fn switches_outside(hours: &Hours, groups: &[Group]) -> Vec<f64> {
 ///
 /// A side of a switch is shown when a frame stands strictly on it, no farther away than an extra would stand
 /// (0.1 h, or half the gap to the neighbouring switch of any group if that is less): a requested 18.05 shows
-/// what 18.1 would. A frame at the very instant shows the side on which the group is off. Where several groups
-/// switch at once, the sides each of them lacks are added together. An extra for which less than two
+/// what 18.1 would. A frame at the very instant shows the side on which the group is off. Where several
+/// groups switch at once, the sides each of them lacks are added together. An extra for which less than two
 /// micro-hours are left is dropped.
 pub fn time_points(hours: &Hours, groups: &[Group]) -> Vec<TimePoint> {
     let requested: Vec<i64> = sorted(hours.list.iter().map(|&h| micro(h).rem_euclid(DAY)).collect());

@@ -1,7 +1,7 @@
 //! The texels of a blend, read as a game reads them.
 
-use super::bundle::{Compressed, of_bundle};
 use super::blend::Blend;
+use super::bundle::{Compressed, of_bundle};
 use super::places::Places;
 use crate::{Result, Rgb};
 use dataset::image::Image;

@@ -53,9 +53,11 @@ impl Blend {
             (true, false) => {
                 whole(before, format!("the frame of {}: lamps switch before the next", name(before)), false)
             }
-            (false, true) => {
-                whole(after, format!("the frame of {}: lamps switch after the one before", name(after)), false)
-            }
+            (false, true) => whole(
+                after,
+                format!("the frame of {}: lamps switch after the one before", name(after)),
+                false,
+            ),
             (false, false) => {
                 let away = |frame: usize| {
                     let apart = (frames[frame].hour - hour).abs();
@@ -65,8 +67,10 @@ impl Blend {
                 let order = |&a: &usize, &b: &usize| fits(b).cmp(&fits(a)).then(away(a).total_cmp(&away(b)));
                 let nearest = (0..frames.len()).min_by(order).unwrap_or(before);
                 let whose = if fits(nearest) { "no neighbour has" } else { "no frame has" };
-                let note =
-                    format!("the frame of {}, the nearest: {whose} the lamps as they are then", name(nearest));
+                let note = format!(
+                    "the frame of {}, the nearest: {whose} the lamps as they are then",
+                    name(nearest)
+                );
                 whole(nearest, note, true)
             }
         }

@@ -8,14 +8,13 @@ use std::path::PathBuf;
 /// What to show, how, and where to.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Options {
-    /// The hour, such as 18.5 or 18:30: where no frame is of this hour, light goes linearly from the frame before
-    /// to the one after, or, where lamps switch between them, is that of the one whose lamps are as they are
-    /// at this hour. A bundle has light at every hour.
+    /// Time of day, such as 18.5 or 18:30. Between two frames the light is interpolated linearly; if lamps
+    /// switch between them, the frame with the same lamps on is shown. A bundle has light at every time.
     #[arg(long, value_name = "HOUR", value_parser = dataset::typed::hour)]
     pub hour: f64,
-    /// A camera of the scene, by name, or where to look from: "x,y,z" [default: the scene's first camera;
-    /// else one from the south-west, above open scenes and single things, inside rooms, or where most that is
-    /// lit is in view if a wall is there].
+    /// A camera of the scene, by name, or a viewpoint "x,y,z" [default: the scene's first camera; else a
+    /// viewpoint from the south-west, inside if the scene is a room and above it otherwise; if a wall is
+    /// there, the one that sees most lit surfaces].
     #[arg(long, value_name = "NAME|X,Y,Z", allow_hyphen_values = true)]
     pub camera: Option<String>,
     /// The point in the middle of the picture [default: the camera's; else the middle of the lightmapped
@@ -46,7 +45,8 @@ pub struct Options {
     /// The picture to write [default: in the dataset's folder, named by camera, hour and bundle].
     #[arg(long, value_name = "FILE.png")]
     pub out: Option<PathBuf>,
-    /// What finds the hits of rays: obvhs, or embree in builds with that feature.
+    /// Ray-tracing backend: obvhs (our traversal of a hierarchy that obvhs builds), or embree in builds with
+    /// that feature.
     #[arg(long, default_value = "obvhs", value_name = "BACKEND")]
     pub backend: Backend,
 }
@@ -83,7 +83,7 @@ Surfaces with texels show the baked irradiance, filtered bilinearly, times their
 without texels (lightmap = false, and the backs of two-sided ones) have no baked light. Theirs is estimated at every sample, by
 shadow rays to sun and lamps, and by paths that end where they read baked light or meet the sky: it is noisier (less with more
 --samples), and is no part of the dataset. The backs of one-sided surfaces are not drawn. Lamps and the sun's disc are invisible;
-emissive surfaces and the sky are not. A computed sky is black below the horizon.
+emissive surfaces and the sky are not. Below the horizon of a computed sky lies the ground of `[sky] ground` (black if false).
 
 Tone curve, per channel: linear up to 0.7, from there 1 - 0.3 exp(-(x - 0.7) / 0.3), then sRGB in 8 bits.
 

@@ -3,8 +3,8 @@
 use super::shade::Shader;
 use crate::light::luminance;
 use crate::trace::lens::Lens;
-use crate::trace::sampler::{Kind, Sequence};
 use crate::trace::path::point_pair;
+use crate::trace::sampler::{Kind, Sequence};
 use crate::{Result, Rgb};
 use dataset::console::{Console, stop_if_interrupted};
 use dataset::tone::{self, automatic_exposure};

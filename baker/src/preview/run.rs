@@ -1,22 +1,22 @@
 //! A preview from end to end.
 
 use super::baked::Baked;
-use super::bundle::Compressed;
-use super::light::Light;
 use super::blend::Blend;
+use super::bundle::Compressed;
+use super::existing::Shown;
+use super::light::Light;
 use super::options::Options;
 use super::picture::Picture;
 use super::places::Places;
 use super::shade::Shader;
-use super::existing::Shown;
 use super::{existing, view};
 use crate::light::luminance;
 use crate::scene::{Baked as Part, Scene, Sky, SunTrack};
 use crate::trace::lens::Lens;
+use crate::trace::path::Transport;
 use crate::trace::rays::Rays;
 use crate::trace::space::Space;
 use crate::trace::triangle::Hit;
-use crate::trace::path::Transport;
 use crate::{Result, geometry, scene};
 use dataset::console::Console;
 use dataset::files::{expect_output, write_atomically};
@@ -50,7 +50,13 @@ struct Source {
 }
 
 /// The lightmaps of a dataset.
-fn of_frames(dataset: &Dataset, hour: f64, scene: &Scene, places: Places, console: &Console) -> Result<Source> {
+fn of_frames(
+    dataset: &Dataset,
+    hour: f64,
+    scene: &Scene,
+    places: Places,
+    console: &Console,
+) -> Result<Source> {
     let blend = Blend::new(&dataset.config, hour);
     let mut doubts = Vec::new();
     if blend.is_doubtful {

@@ -7,10 +7,10 @@ use crate::geometry::DARK;
 use crate::surface::SurfacePoint;
 use crate::trace::counts::RayCounts;
 use crate::trace::lens::NOWHERE;
+use crate::trace::path::Transport;
 use crate::trace::rays::{Passed, offset_point};
 use crate::trace::sampler::Sequence;
 use crate::trace::triangle::Hit;
-use crate::trace::path::Transport;
 use glam::Vec3;
 use std::f32::consts::PI;
 

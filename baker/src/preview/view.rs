@@ -1,6 +1,6 @@
 //! Where the camera stands.
 
-use super::lookout::Lookout;
+use super::default_viewpoint::DefaultViewpoint;
 use super::options::{Options, parse_point};
 use crate::geometry::{Bounds, Geometry};
 use crate::scene::{Camera, Scene};
@@ -54,7 +54,7 @@ pub fn default(
     luminance: &dyn Fn(&Hit) -> f32,
 ) -> Result<Camera> {
     let bounds = Lit::new(geometry);
-    let lookout = Lookout { geometry, rays, luminance };
+    let lookout = DefaultViewpoint { geometry, rays, luminance };
     let (mut camera, is_inside) = usual(&lookout, &bounds);
     // From outside everything is in view, unless something stands there that has no texels.
     if is_inside || !lookout.is_free(camera.position, 0.0) {
@@ -103,7 +103,7 @@ impl Lit {
 /// A camera that shows something of most scenes, and whether it is inside. From outside it looks down at the
 /// middle from the south-west. Inside, where hardly any ray leaves the scene upwards from the middle, and
 /// that is no body alone, it stands on the same side of the room.
-fn usual(lookout: &Lookout, bounds: &Lit) -> (Camera, bool) {
+fn usual(lookout: &DefaultViewpoint, bounds: &Lit) -> (Camera, bool) {
     /// Rays from the middle, and how many may leave a closed room, by its windows.
     const RAYS: usize = 64;
     const MOST_LEAVING: usize = RAYS / 4;
@@ -155,7 +155,7 @@ fn usual(lookout: &Lookout, bounds: &Lit) -> (Camera, bool) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::lookout::tests::{block, divided};
+    use super::super::default_viewpoint::tests::{block, divided};
     use super::*;
     use glam::Vec3;
 

@@ -8,7 +8,7 @@ use super::bvh8::{Bvh8, Line};
 use super::kernel;
 #[cfg(target_arch = "x86_64")]
 use super::lanes_x86;
-use super::triangle::Meeting;
+use super::triangle::TriangleHit;
 
 impl Bvh8 {
     /// The nearest hit, t > 0. `is_open` is asked about triangles marked [`CUT_OUT`].
@@ -17,8 +17,8 @@ impl Bvh8 {
         &self,
         line: &Line,
         from: u32,
-        is_open: &dyn Fn(u32, &Meeting) -> bool,
-    ) -> Option<(u32, Meeting)> {
+        is_open: &dyn Fn(u32, &TriangleHit) -> bool,
+    ) -> Option<(u32, TriangleHit)> {
         match self.tier {
             // SAFETY: a tier above `Portable` is only ever set where `Tier::detect` found it or a higher one.
             #[cfg(target_arch = "x86_64")]
@@ -36,7 +36,7 @@ impl Bvh8 {
         line: &Line,
         t_max: f32,
         from: u32,
-        is_open: &dyn Fn(u32, &Meeting) -> bool,
+        is_open: &dyn Fn(u32, &TriangleHit) -> bool,
     ) -> bool {
         match self.tier {
             // SAFETY: as in `nearest`.

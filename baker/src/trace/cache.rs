@@ -47,9 +47,9 @@ pub struct CacheMap<'a> {
     piece_of: Vec<[u32; 2]>,
     entries: usize,
     /// Points of entries whose square reaches across a wall, on the side that the entry stands for.
-    witnesses: Vec<Vec<Receiver>>,
-    /// Per square, its place among the witnesses; empty while there are none.
-    witnesses_of: Vec<u32>,
+    surface_points: Vec<Vec<Receiver>>,
+    /// Per square, its place among the surface points; empty while there are none.
+    points_of: Vec<u32>,
 }
 
 /// One side of a triangle, cut into patches: cells of a grid of `along`² in barycentric coordinates.
@@ -119,8 +119,8 @@ impl<'a> CacheMap<'a> {
             pieces: Vec::new(),
             piece_of,
             entries: 0,
-            witnesses: Vec::new(),
-            witnesses_of: Vec::new(),
+            surface_points: Vec::new(),
+            points_of: Vec::new(),
         };
         let owners = (shift > square_shift).then(|| Owners::new(atlas));
         // Of larger entries, those known by where they are and of which chart.
@@ -207,13 +207,13 @@ impl<'a> CacheMap<'a> {
     /// Says that a texel reaches across a wall, and gives a few points of the side it stands for. Only what
     /// they see is that side: see [`CacheMap::entry`]. An entry of several texels is taken out: paths that
     /// land there go on.
-    pub fn split(&mut self, texel: usize, witnesses: Vec<Receiver>) {
+    pub fn split(&mut self, texel: usize, surface_points: Vec<Receiver>) {
         let width = self.atlas.width as usize;
         let square = self.square(texel % width, texel / width);
-        if self.shift == 0 && !witnesses.is_empty() {
-            self.witnesses_of.resize(self.squares, NONE);
-            self.witnesses_of[self.entry_of[square] as usize] = self.witnesses.len() as u32;
-            self.witnesses.push(witnesses);
+        if self.shift == 0 && !surface_points.is_empty() {
+            self.points_of.resize(self.squares, NONE);
+            self.points_of[self.entry_of[square] as usize] = self.surface_points.len() as u32;
+            self.surface_points.push(surface_points);
         } else {
             self.entry_of[square] = NONE;
         }
@@ -223,15 +223,15 @@ impl<'a> CacheMap<'a> {
     /// there is none.
     pub fn entry(&self, space: &Space, hit: &Hit, is_back: bool, counts: &mut RayCounts) -> Option<u32> {
         let entry = self.of_hit(hit, is_back)?;
-        let place = self.witnesses_of.get(entry as usize).copied().unwrap_or(NONE);
-        let Some(witnesses) = self.witnesses.get(place as usize) else { return Some(entry) };
+        let place = self.points_of.get(entry as usize).copied().unwrap_or(NONE);
+        let Some(surface_points) = self.surface_points.get(place as usize) else { return Some(entry) };
         let point = SurfacePoint { triangle: hit.triangle, barycentric: hit.barycentric };
         let at = space.receiver_on(&point, is_back)?;
         // The nearest one most likely sees the place.
-        let away = |i: &usize| witnesses[*i].distance_squared(&at);
-        let nearest = (0..witnesses.len()).min_by(|a, b| away(a).total_cmp(&away(b)))?;
-        let mut sees = |i: usize| space.sees(&witnesses[i], &at, counts);
-        (sees(nearest) || (0..witnesses.len()).any(|i| i != nearest && sees(i))).then_some(entry)
+        let away = |i: &usize| surface_points[*i].distance_squared(&at);
+        let nearest = (0..surface_points.len()).min_by(|a, b| away(a).total_cmp(&away(b)))?;
+        let mut sees = |i: usize| space.sees(&surface_points[i], &at, counts);
+        (sees(nearest) || (0..surface_points.len()).any(|i| i != nearest && sees(i))).then_some(entry)
     }
 
     /// Length of the side of an entry in metres, on surfaces of the page's density.
@@ -352,8 +352,8 @@ mod tests {
                 pieces: vec![piece],
                 piece_of: vec![[NONE, 0]],
                 entries: 7 + (along * (along + 1) / 2) as usize,
-                witnesses: Vec::new(),
-                witnesses_of: Vec::new(),
+                surface_points: Vec::new(),
+                points_of: Vec::new(),
             };
             let patches = map.all_patches();
             assert_eq!(patches.len(), map.entries() - 7);

@@ -1,11 +1,11 @@
 //! Paths that hardly anything absorbs.
 
 use super::counts::RayCounts;
+use super::path::{Transport, cosine_direction};
 use super::rays::Passed;
 use super::sampler::{Kind, Sequence};
 use super::space::Receiver;
 use super::triangle::Hit;
-use super::path::{Transport, cosine_direction};
 use crate::Rgb;
 use crate::surface::SurfacePoint;
 use glam::{Vec2, Vec3};

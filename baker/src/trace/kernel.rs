@@ -7,7 +7,7 @@
 
 use super::bvh8::{Bvh8, CUT_OUT, LEAF, Line, Node, Packet, STACK};
 use super::lanes::Lanes;
-use super::triangle::Meeting;
+use super::triangle::TriangleHit;
 use glam::Vec3;
 use std::mem::MaybeUninit;
 
@@ -188,10 +188,10 @@ pub(super) fn nearest<L: Lanes>(
     bvh: &Bvh8,
     line: &Line,
     from: u32,
-    is_open: &dyn Fn(u32, &Meeting) -> bool,
-) -> Option<(u32, Meeting)> {
+    is_open: &dyn Fn(u32, &TriangleHit) -> bool,
+) -> Option<(u32, TriangleHit)> {
     let rays = Rays8::<L>::new(line);
-    let mut best: Option<(u32, Meeting)> = None;
+    let mut best: Option<(u32, TriangleHit)> = None;
     let mut t_max = f32::INFINITY;
     let mut stack = Stack::new();
     if !bvh.nodes.is_empty() {
@@ -276,7 +276,7 @@ fn stands_in<L: Lanes>(
     line: &Line,
     t_max: f32,
     from: u32,
-    is_open: &dyn Fn(u32, &Meeting) -> bool,
+    is_open: &dyn Fn(u32, &TriangleHit) -> bool,
 ) -> bool {
     let mut lanes = crossed::<L>(line, packet);
     while lanes != 0 {
@@ -304,7 +304,7 @@ pub(super) fn occluded<L: Lanes>(
     line: &Line,
     t_max: f32,
     from: u32,
-    is_open: &dyn Fn(u32, &Meeting) -> bool,
+    is_open: &dyn Fn(u32, &TriangleHit) -> bool,
 ) -> bool {
     let rays = Rays8::<L>::new(line);
     let mut stack = Stack::new();

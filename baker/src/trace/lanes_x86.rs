@@ -8,7 +8,7 @@
 use super::bvh8::{Bvh8, Line};
 use super::kernel;
 use super::lanes::Lanes;
-use super::triangle::Meeting;
+use super::triangle::TriangleHit;
 use std::arch::x86_64::*;
 
 #[derive(Clone, Copy)]
@@ -79,8 +79,8 @@ pub unsafe fn nearest_avx2(
     bvh: &Bvh8,
     line: &Line,
     from: u32,
-    is_open: &dyn Fn(u32, &Meeting) -> bool,
-) -> Option<(u32, Meeting)> {
+    is_open: &dyn Fn(u32, &TriangleHit) -> bool,
+) -> Option<(u32, TriangleHit)> {
     kernel::nearest::<Avx>(bvh, line, from, is_open)
 }
 
@@ -94,7 +94,7 @@ pub unsafe fn occluded_avx2(
     line: &Line,
     t_max: f32,
     from: u32,
-    is_open: &dyn Fn(u32, &Meeting) -> bool,
+    is_open: &dyn Fn(u32, &TriangleHit) -> bool,
 ) -> bool {
     kernel::occluded::<Avx>(bvh, line, t_max, from, is_open)
 }
@@ -108,8 +108,8 @@ pub unsafe fn nearest_avx512(
     bvh: &Bvh8,
     line: &Line,
     from: u32,
-    is_open: &dyn Fn(u32, &Meeting) -> bool,
-) -> Option<(u32, Meeting)> {
+    is_open: &dyn Fn(u32, &TriangleHit) -> bool,
+) -> Option<(u32, TriangleHit)> {
     kernel::nearest::<Avx>(bvh, line, from, is_open)
 }
 
@@ -123,7 +123,7 @@ pub unsafe fn occluded_avx512(
     line: &Line,
     t_max: f32,
     from: u32,
-    is_open: &dyn Fn(u32, &Meeting) -> bool,
+    is_open: &dyn Fn(u32, &TriangleHit) -> bool,
 ) -> bool {
     kernel::occluded::<Avx>(bvh, line, t_max, from, is_open)
 }

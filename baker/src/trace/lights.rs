@@ -63,7 +63,7 @@ impl SunLight {
 
     /// A direction towards the disc; `draw` is the same for all suns of a sample.
     #[inline]
-    pub fn sample(&self, draw: &SunDraw) -> Vec3 {
+    pub fn sample(&self, draw: &SunSample) -> Vec3 {
         match self.across {
             Some([x, y]) => (self.disc.direction + x * draw.on_disc.x + y * draw.on_disc.y).normalize(),
             None => self.disc.sample(draw.u),
@@ -74,16 +74,16 @@ impl SunLight {
 /// What the suns of one sample share: a point of the unit square, and the point of the unit disc it stands
 /// for.
 #[derive(Clone, Copy, Debug)]
-pub struct SunDraw {
+pub struct SunSample {
     u: Vec2,
     on_disc: Vec2,
 }
 
-impl SunDraw {
+impl SunSample {
     /// From a point of the unit square.
     pub fn new(u: Vec2) -> Self {
         let (sin, cos) = (u.y * std::f32::consts::TAU).sin_cos();
-        SunDraw { u, on_disc: Vec2::new(cos, sin) * u.x.sqrt() }
+        SunSample { u, on_disc: Vec2::new(cos, sin) * u.x.sqrt() }
     }
 }
 

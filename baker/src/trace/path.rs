@@ -7,12 +7,12 @@
 //! both sampled and met, weighted by the balance heuristic (Veach & Guibas 1995).
 
 use super::counts::RayCounts;
-use super::lights::{GroupLight, Lights, SunDraw};
+use super::lights::{GroupLight, Lights, SunSample};
 use super::pane::{Fate, meet};
 use super::rays::Passed;
 use super::sampler::Sample;
 use super::space::{Receiver, Space};
-use super::subset::{ALL_UP_TO, Comb};
+use super::subset::{ALL_UP_TO, SystematicSampler};
 use super::triangle::Hit;
 use crate::Rgb;
 use crate::light::lamp::LampSample;
@@ -92,8 +92,8 @@ pub fn point_pair(sample: Sample) -> Vec2 {
 }
 
 /// What the suns share of a sample's direct light.
-pub fn sun_draw(sample: Sample) -> SunDraw {
-    SunDraw::new(sample.pair(dimension::sun(0)))
+pub fn sun_sample(sample: Sample) -> SunSample {
+    SunSample::new(sample.pair(dimension::sun(0)))
 }
 
 impl<'a> Transport<'a> {
@@ -103,13 +103,13 @@ impl<'a> Transport<'a> {
     }
 
     /// One sample of the light that comes straight from a sampled light (suns, then groups) as irradiance;
-    /// its share, where the path may meet the light as well. `draw` is [`sun_draw`] of the sample.
+    /// its share, where the path may meet the light as well. `draw` is [`sun_sample`] of the sample.
     pub fn direct(
         &self,
         at: &Receiver,
         light: usize,
         sample: Sample,
-        draw: &SunDraw,
+        draw: &SunSample,
         counts: &mut RayCounts,
     ) -> Rgb {
         self.direct_at(at, light, sample, draw, 0, counts)
@@ -131,11 +131,14 @@ impl<'a> Transport<'a> {
         out: &mut [Rgb],
         counts: &mut RayCounts,
     ) {
-        let draw = SunDraw::new(sample.pair(dimension::sun(vertex)));
+        let draw = SunSample::new(sample.pair(dimension::sun(vertex)));
         let suns = self.lights.suns.len();
         let chances = self.chances(at, ALL_UP_TO);
-        let mut comb =
-            Comb::new(if chances.is_some() { sample.number(dimension::asked(vertex)) } else { 0.0 });
+        let mut comb = SystematicSampler::new(if chances.is_some() {
+            sample.number(dimension::asked(vertex))
+        } else {
+            0.0
+        });
         for light in 0..self.lights.sampled() {
             // (How likely a group is asked does not change how its light is shared with the path, which may
             // meet it too.)
@@ -152,7 +155,7 @@ impl<'a> Transport<'a> {
         at: &Receiver,
         light: usize,
         sample: Sample,
-        draw: &SunDraw,
+        draw: &SunSample,
         vertex: u32,
         counts: &mut RayCounts,
     ) -> Rgb {

@@ -9,7 +9,7 @@ use super::backend::Backend;
 use super::bvh8::{Bvh8, Line};
 #[cfg(feature = "embree")]
 use super::embree;
-use super::triangle::{Hit, Meeting};
+use super::triangle::{Hit, TriangleHit};
 use crate::geometry::{DARK, Geometry};
 use crate::{Result, Rgb};
 use glam::Vec3;
@@ -131,7 +131,7 @@ impl<'a> Rays<'a> {
         match &self.hierarchy {
             Hierarchy::Own(bvh, _) => {
                 let line = Line::new(origin, direction)?;
-                let is_open = |t: u32, m: &Meeting| self.is_open(&hit_of(t, m), passes);
+                let is_open = |t: u32, m: &TriangleHit| self.is_open(&hit_of(t, m), passes);
                 let (triangle, meeting) = bvh.nearest(&line, from, &is_open)?;
                 Some(hit_of(triangle, &meeting))
             }
@@ -201,7 +201,7 @@ impl<'a> Rays<'a> {
 }
 
 #[inline]
-fn hit_of(triangle: u32, meeting: &Meeting) -> Hit {
+fn hit_of(triangle: u32, meeting: &TriangleHit) -> Hit {
     Hit { triangle, barycentric: meeting.barycentric(), t: meeting.t as f32 }
 }
 

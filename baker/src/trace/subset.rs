@@ -33,15 +33,15 @@ pub fn chances(worth: &mut [f32], asked: usize) {
 }
 
 /// Tells of one sample which are asked, one after the other.
-pub struct Comb {
+pub struct SystematicSampler {
     /// Where on the line the next one begins; the teeth stand at whole numbers.
     at: f64,
 }
 
-impl Comb {
+impl SystematicSampler {
     /// A comb set by a uniform number in [0, 1).
     pub fn new(u: f32) -> Self {
-        Comb { at: f64::from(u) }
+        SystematicSampler { at: f64::from(u) }
     }
 
     /// Whether the next one, whose chance this is, is asked.
@@ -105,7 +105,7 @@ mod tests {
         let mut asked = [0u32; 8];
         for i in 0..n {
             let u = Sequence::new(5, Kind::Texel, i / 64, 0).sample(i % 64).number(0);
-            let mut comb = Comb::new(u);
+            let mut comb = SystematicSampler::new(u);
             let now: Vec<bool> = c.iter().map(|c| comb.asks(*c)).collect();
             asked.iter_mut().zip(&now).for_each(|(n, now)| *n += u32::from(*now));
             // Sum of the chances: 4.

@@ -20,7 +20,7 @@ pub struct Shear {
 
 /// Where a ray meets a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Meeting {
+pub struct TriangleHit {
     /// Distance in units of the direction's length.
     pub t: f64,
     /// Barycentric weight of the second corner.
@@ -40,7 +40,7 @@ pub struct Hit {
     pub t: f32,
 }
 
-impl Meeting {
+impl TriangleHit {
     /// The weights of the three corners.
     pub fn barycentric(&self) -> Vec3 {
         Vec3::new((1.0 - self.b1 - self.b2) as f32, self.b1 as f32, self.b2 as f32)
@@ -69,7 +69,7 @@ impl Shear {
 
     /// The nearest meeting with 0 < t < `t_max`, from either side.
     #[inline]
-    pub fn meet(&self, corners: &[Vec3; 3], t_max: f64) -> Option<Meeting> {
+    pub fn meet(&self, corners: &[Vec3; 3], t_max: f64) -> Option<TriangleHit> {
         let [ox, oy, oz] = self.origin;
         let [sx, sy, sz] = self.shear;
         let [kx, ky, kz] = self.axes;
@@ -94,7 +94,7 @@ impl Shear {
         // Distance, scaled by the determinant.
         let inverse = 1.0 / det;
         let t = (u * az + v * bz + w * cz) * sz * inverse;
-        (t > 0.0 && t < t_max).then_some(Meeting { t, b1: v * inverse, b2: w * inverse })
+        (t > 0.0 && t < t_max).then_some(TriangleHit { t, b1: v * inverse, b2: w * inverse })
     }
 }
 

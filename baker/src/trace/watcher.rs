@@ -2,7 +2,7 @@
 //! it from one time to the next.
 
 use super::counts::RayCounts;
-use super::lights::{SunDraw, SunLight};
+use super::lights::{SunLight, SunSample};
 use super::space::{Receiver, Space};
 use crate::Rgb;
 use glam::Vec3;
@@ -18,7 +18,7 @@ const FLAT: f32 = 2e-3;
 
 /// A texel's points.
 pub struct Watcher {
-    points: Vec<(Receiver, SunDraw)>,
+    points: Vec<(Receiver, SunSample)>,
     /// The mean of the points' shading normals; not a unit vector where they differ.
     pub normal: Vec3,
     axis: Vec3,
@@ -28,10 +28,10 @@ pub struct Watcher {
 
 impl Watcher {
     /// From points of a texel's surface and their places on the disc; `None` without any.
-    pub fn new(points: Vec<(Receiver, SunDraw)>) -> Option<Self> {
+    pub fn new(points: Vec<(Receiver, SunSample)>) -> Option<Self> {
         let normal = points.iter().map(|(at, _)| at.normal).sum::<Vec3>() / points.len() as f32;
         let axis = normal.try_normalize().unwrap_or(Vec3::Y);
-        let angle = |(at, _): &(Receiver, SunDraw)| axis.dot(at.normal).clamp(-1.0, 1.0).acos();
+        let angle = |(at, _): &(Receiver, SunSample)| axis.dot(at.normal).clamp(-1.0, 1.0).acos();
         let spread = points.iter().map(angle).reduce(f32::max)?;
         Some(Watcher { points, normal, axis, spread })
     }
@@ -90,7 +90,7 @@ impl Watcher {
         if elevation > self.margin(sun) || share == Rgb::ZERO {
             return Some(share);
         }
-        let cosine = |(at, draw): &(Receiver, SunDraw)| sun.sample(draw).dot(at.normal).max(0.0);
+        let cosine = |(at, draw): &(Receiver, SunSample)| sun.sample(draw).dot(at.normal).max(0.0);
         let unblocked = self.points.iter().map(cosine).sum::<f32>() / self.points.len() as f32;
         Some((share * (unblocked / product).max(1.0)).min(Rgb::ONE))
     }

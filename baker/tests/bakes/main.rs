@@ -11,7 +11,7 @@ mod pages;
 mod parts;
 mod preview;
 mod relight;
-mod room;
+mod disk_space;
 mod scenes;
 mod statistics;
 mod transfer;

@@ -3,8 +3,8 @@
 use crate::common::mesh::Obj;
 use crate::common::{Baked, INTEGRATORS, Stage};
 use baker::bake::forecast::forecast;
+use baker::bake::layout_estimate::LayoutEstimate;
 use baker::bake::run::{Denoise, Integrator, Options, prepare};
-use baker::bake::sketch::Sketch;
 use baker::light::schedule::parse_hours;
 use baker::trace::counts::RayCounts;
 use dataset::console::Console;
@@ -107,9 +107,9 @@ fn a_plan_tells_what_the_bake_will_take_and_whether_the_scene_is_open() {
         let prepared =
             prepare(&stage.path("case.toml"), &options, &Console::silent()).expect("what was baked");
         let (atlas, looking) = prepared.atlas().expect("an atlas");
-        let forecast = forecast(&prepared, &Sketch::exact(atlas, looking)).expect("a forecast");
+        let forecast = forecast(&prepared, &LayoutEstimate::exact(atlas, looking)).expect("a forecast");
         assert_eq!((forecast.size, forecast.pages), (baked.outcome.size, baked.outcome.pages));
-        assert_eq!(forecast.open.map(|n| n > 0), Some(is_open), "{forecast:?}");
+        assert_eq!(forecast.escaping_rays.map(|n| n > 0), Some(is_open), "{forecast:?}");
         let bytes = |folder: &str, extension: &str| -> u64 {
             let files = std::fs::read_dir(stage.path("set-1").join(folder)).expect("a folder").flatten();
             let files = files.filter(|f| f.path().extension().is_some_and(|e| e == extension));

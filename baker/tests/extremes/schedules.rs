@@ -72,7 +72,7 @@ fn never_on_is_refused_or_dark() {
     let baked = stage.bake("12", 4, &scene(&["[[13, 14]]".to_owned()]));
     assert!(baked.first().texels.iter().all(|t| *t == [0.0; 3]));
     let told = |f: &String| f.contains("\"g0\"") && f.contains("off at every time");
-    assert!(baked.outcome.left_out.iter().any(told), "{:?}", baked.outcome.left_out);
+    assert!(baked.outcome.skipped.iter().any(told), "{:?}", baked.outcome.skipped);
 }
 
 #[test]

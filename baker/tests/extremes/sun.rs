@@ -141,7 +141,7 @@ fn polar_night_has_no_sun_and_a_finite_sky() {
             assert!(files.is_empty(), "{latitude}°: a sun at {}", frame.hour);
         }
         let told = |f: &String| f.contains("no sun rays at 24 of 24 times");
-        assert!(baked.outcome.left_out.iter().any(told), "{:?}", baked.outcome.left_out);
+        assert!(baked.outcome.skipped.iter().any(told), "{:?}", baked.outcome.skipped);
         // Deep twilight or night, never a daylit sky, never darker than the night's floor.
         let light = mean(&baked.at(12.0), &baked.on("floor"));
         assert!(light > 0.0 && light < 0.1, "{latitude}°: {light}");

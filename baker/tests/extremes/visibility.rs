@@ -488,7 +488,7 @@ fn no_sun_always_sun_and_a_sun_that_nothing_sees() {
     let never = stage.bake("0..24", 16, &north("2026-12-21"));
     assert_eq!(keys(&never), [true, false]);
     let told = "no visibility of the sun: it gives no light between the first and the last hour";
-    assert!(never.outcome.left_out.iter().any(|what| what == told), "{:?}", never.outcome.left_out);
+    assert!(never.outcome.skipped.iter().any(|what| what == told), "{:?}", never.outcome.skipped);
     let path = never.dataset.sun_path().unwrap().unwrap();
     assert!(path.irradiance.iter().all(|light| *light == [0.0; 3]));
     // A closed room with a lamp: 0 everywhere, in no byte.

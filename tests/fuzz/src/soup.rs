@@ -4,8 +4,8 @@
 //! `soup`.
 
 use baker::bake::forecast::forecast;
+use baker::bake::layout_estimate::LayoutEstimate;
 use baker::bake::run::{Integrator, Options, bake, prepare};
-use baker::bake::sketch::Sketch;
 use baker::light::schedule::parse_hours;
 use baker::preview;
 use dataset::Error;
@@ -35,7 +35,7 @@ pub fn soup(scratch: &Path, bytes: &[u8]) -> bool {
         prepare(&scene, &options, &console)
             .and_then(|p| {
                 let (atlas, rays) = p.atlas()?;
-                Ok(forecast(&p, &Sketch::exact(atlas, rays)).is_ok())
+                Ok(forecast(&p, &LayoutEstimate::exact(atlas, rays)).is_ok())
             })
             .is_ok()
     });

@@ -17,8 +17,8 @@ use crate::atlas::Atlas;
 use crate::light::course::Course;
 use crate::surface::{BLOCK, BlockSurface};
 use crate::trace::counts::RayCounts;
+use crate::trace::path::sun_sample;
 use crate::trace::sampler::{Kind, Sequence};
-use crate::trace::path::sun_draw;
 use crate::trace::watcher::Watcher;
 use crate::{Error, Result, Rgb};
 use dataset::console::{Console, stop_if_interrupted};
@@ -249,7 +249,7 @@ impl<'a> Finder<'a> {
         let points = (0..points(self.course)).map(|i| sequence.sample(i));
         let points = points.filter_map(|sample| {
             let at = self.worker.receiver(surface, place, sample, texel.probes, counts)?;
-            Some((at, sun_draw(sample)))
+            Some((at, sun_sample(sample)))
         });
         Watcher::new(points.collect())
     }

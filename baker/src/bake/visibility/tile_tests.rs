@@ -2,9 +2,9 @@ use super::*;
 use crate::geometry::{Geometry, Material};
 use crate::scene::{Sun, SunKey, SunTrack};
 use crate::surface::SurfacePoint;
+use crate::trace::path::{point_pair, sun_sample};
 use crate::trace::rays::Rays;
 use crate::trace::sampler::{Kind, Sequence};
-use crate::trace::path::{point_pair, sun_draw};
 use glam::{DVec3, Vec2};
 
 /// A floor of 16 × 2 squares of 0.1 m from x = 1 on, and a wall of 1 m height that stands across x = 0
@@ -56,7 +56,7 @@ fn watchers(space: &Space, texels: usize) -> Vec<Option<Watcher>> {
             // The floor's corners: 0 (0, 0), 1 (0, 1), 2 (1, 1), 3 (1, 0).
             let (triangle, barycentric) =
                 if z > x { (0, Vec3::new(1.0 - z, z - x, x)) } else { (1, Vec3::new(1.0 - x, z, x - z)) };
-            Some((space.receiver(&SurfacePoint { triangle, barycentric })?, sun_draw(sample)))
+            Some((space.receiver(&SurfacePoint { triangle, barycentric })?, sun_sample(sample)))
         };
         Watcher::new((0..32).filter_map(at).collect())
     };

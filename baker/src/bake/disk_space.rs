@@ -4,9 +4,9 @@
 use super::forecast::cache_entries;
 use super::layer_file::CHECKSUM;
 use super::layers::Layers;
+use super::layout_estimate::LayoutEstimate;
 use super::options::{Integrator, Options};
 use super::prepare::Prepared;
-use super::sketch::Sketch;
 use super::work::WorkFolder;
 use crate::scene::Baked;
 use crate::trace::cache_half::CacheHalf;
@@ -26,7 +26,7 @@ const DIRECT: u64 = 30;
 /// Bytes that a bake writes, by where they lie. The work goes once its layers are kept; layers and dataset
 /// stay.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Disk {
+pub struct DiskSpace {
     /// Most bytes of the dataset's images.
     pub dataset: u64,
     /// The layers kept beside it, as traced.
@@ -39,11 +39,11 @@ pub struct Disk {
     pub removed: u64,
 }
 
-impl Disk {
+impl DiskSpace {
     /// For tracing these layers (ascending), and for the whole dataset.
-    pub fn of(prepared: &Prepared, sketch: &Sketch, layers: &[usize]) -> Self {
+    pub fn of(prepared: &Prepared, layout: &LayoutEstimate, layers: &[usize]) -> Self {
         let plan = &prepared.plan;
-        let n = sketch.texels() as u64;
+        let n = layout.texels() as u64;
         let count = layers.len() as u64;
         // The parts in which layers are kept, and the lights that paths can meet, which have a sum of their
         // own.
@@ -60,7 +60,7 @@ impl Disk {
         let traced = n * (8 + 20 * parts) + CHECKSUM as u64 * (parts + 1);
         let filtered = (n * 24 + CHECKSUM as u64) * denoised;
         let entries = match prepared.integrator {
-            Integrator::Cached if count > 0 => cache_entries(prepared, sketch),
+            Integrator::Cached if count > 0 => cache_entries(prepared, layout),
             _ => 0,
         };
         let cache = 2 * (entries * CacheHalf::bytes_per_entry(layers.len())) as u64;
@@ -69,8 +69,8 @@ impl Disk {
         let is_judged = prepared.denoise.is_some() && prepared.limits.target_error.is_some();
         let provisional = if is_judged { traced + filtered } else { 0 };
         let blocks = n * (15 + SUMS * (count + met) + DIRECT * (count - skies));
-        Disk {
-            dataset: IMAGE * sketch.page_texels() * (plan.times.len() + plan.layers()) as u64,
+        DiskSpace {
+            dataset: IMAGE * layout.page_texels() * (plan.times.len() + plan.layers()) as u64,
             traced,
             filtered,
             work: if count == 0 { 0 } else { blocks + cache + provisional },
@@ -80,11 +80,11 @@ impl Disk {
 
     /// What is still to be written to the folder `out`, at most: less what an earlier run of the same bake
     /// left there.
-    pub fn left(prepared: &Prepared, sketch: &Sketch, out: &Path, options: &Options) -> Self {
+    pub fn left(prepared: &Prepared, layout: &LayoutEstimate, out: &Path, options: &Options) -> Self {
         let layers = Layers::new(out);
         let is_missing = |&layer: &usize| options.force || !layers.holds(&prepared.digests[layer]);
         let missing: Vec<usize> = (0..prepared.digests.len()).filter(is_missing).collect();
-        let all = Disk::of(prepared, sketch, &missing);
+        let all = DiskSpace::of(prepared, layout, &missing);
         let done = match options.force {
             true => 0,
             false => bytes_below(&WorkFolder::root_of(out, &prepared.work(&missing))),
@@ -93,7 +93,7 @@ impl Disk {
             true => bytes_below(&out.join(store::WORK)) + bytes_below(layers.root()),
             false => 0,
         };
-        Disk { work: all.work.saturating_sub(done), removed, ..all }
+        DiskSpace { work: all.work.saturating_sub(done), removed, ..all }
     }
 
     /// The most of it at once: the work goes when its layers stand, and filters and dataset come after.
@@ -105,7 +105,7 @@ impl Disk {
     ///
     /// # Errors
     /// [`Error::Invalid`].
-    pub fn expect_room(&self, out: &Path, free: Option<u64>) -> Result<()> {
+    pub fn expect_space(&self, out: &Path, free: Option<u64>) -> Result<()> {
         match free {
             Some(free) if self.peak() > free.saturating_add(self.removed) => {
                 Err(Error::invalid(out.display(), self.refusal(free)))
@@ -166,12 +166,12 @@ mod tests {
 
     #[test]
     fn the_peak_is_that_of_the_greater_of_two_stages() {
-        let disk = Disk { dataset: 300, traced: 1000, filtered: 100, work: 5000, removed: 0 };
+        let disk = DiskSpace { dataset: 300, traced: 1000, filtered: 100, work: 5000, removed: 0 };
         assert_eq!(disk.peak(), 6000);
-        assert_eq!(Disk { dataset: 30_000, ..disk }.peak(), 31_100);
-        let at = |free| disk.expect_room(Path::new("there"), free);
+        assert_eq!(DiskSpace { dataset: 30_000, ..disk }.peak(), 31_100);
+        let at = |free| disk.expect_space(Path::new("there"), free);
         assert!(at(Some(6000)).is_ok() && at(None).is_ok());
-        assert!(Disk { removed: 1, ..disk }.expect_room(Path::new("there"), Some(5999)).is_ok());
+        assert!(DiskSpace { removed: 1, ..disk }.expect_space(Path::new("there"), Some(5999)).is_ok());
         let refused = at(Some(5999)).unwrap_err().to_string();
         assert!(
             ["there", "6.0 kB", "work 5.0 kB", "--out", "--hours", "size"]

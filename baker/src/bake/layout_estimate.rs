@@ -14,7 +14,7 @@ const LONGEST: u32 = 2048;
 
 /// A layout, and what it stands for.
 #[derive(Debug)]
-pub struct Sketch {
+pub struct LayoutEstimate {
     /// The layout.
     pub atlas: Atlas,
     /// Texels of a bake along the side of one of the layout's: a power of two, 1 where it is the very layout
@@ -26,10 +26,10 @@ pub struct Sketch {
     pub size: [u32; 2],
 }
 
-impl Sketch {
+impl LayoutEstimate {
     /// The layout of a bake itself.
     pub fn exact(atlas: Atlas, rays: RayCounts) -> Self {
-        Sketch { finer: 1, rays, size: [atlas.width, atlas.page_height], atlas }
+        LayoutEstimate { finer: 1, rays, size: [atlas.width, atlas.page_height], atlas }
     }
 
     /// For a plan: pages whose sides are longer than `LONGEST` are laid out at a half, a quarter … of them.
@@ -46,12 +46,12 @@ impl Sketch {
                 LightmapSize::TexelsPerMetre(_) => [atlas.width, atlas.page_height].map(|side| side * finer),
             };
             if size.iter().all(|&side| side <= LARGEST) {
-                return Ok(Sketch { atlas, finer, rays, size });
+                return Ok(LayoutEstimate { atlas, finer, rays, size });
             }
         }
         // (What does not fit is refused as a bake would refuse it.)
         let (atlas, rays) = prepared.atlas_from(charts)?;
-        Ok(Sketch::exact(atlas, rays))
+        Ok(LayoutEstimate::exact(atlas, rays))
     }
 
     /// Texels that surface touches.

@@ -45,9 +45,9 @@ pub struct Solution {
     pub settled: bool,
 }
 
-/// A landing of one of the paths the cache is solved on.
+/// Where one of the paths that the cache is solved on ended.
 #[derive(Clone, Copy)]
-pub struct Landing {
+pub struct PathEnd {
     /// Where; none: `u32::MAX`.
     pub entry: u32,
     /// Irradiance at the start per unit of it there. (Not half floats: 0.999 would become 0.99902, and what a
@@ -55,8 +55,8 @@ pub struct Landing {
     pub weight: [f32; 3],
 }
 
-/// No landing.
-pub const NOWHERE: Landing = Landing { entry: u32::MAX, weight: [0.0; 3] };
+/// It left the scene, or carries nothing.
+pub const NOWHERE: PathEnd = PathEnd { entry: u32::MAX, weight: [0.0; 3] };
 
 /// E = source + T E.
 pub struct System {
@@ -67,7 +67,7 @@ pub struct System {
     /// Most paths of an entry.
     pub paths: usize,
     /// `[entry][path]`.
-    pub landings: Vec<Landing>,
+    pub path_ends: Vec<PathEnd>,
     /// Per entry, 1 ÷ its paths.
     pub share: Vec<f32>,
 }
@@ -90,7 +90,7 @@ pub fn paths_per_entry(entries: usize, samples: u32) -> usize {
 impl System {
     /// Bytes of an entry with this number of paths.
     pub fn bytes_per_entry(layers: usize, paths: usize) -> usize {
-        size_of::<Rgb>() * layers + paths * size_of::<Landing>()
+        size_of::<Rgb>() * layers + paths * size_of::<PathEnd>()
     }
 
     /// Passes until nothing changes; `note` is told of each. `endless` is the error where the light grows
@@ -112,7 +112,7 @@ impl System {
         let source = light
             .set_all(|e, out| out.copy_from_slice(&self.source[e as usize * self.layers..][..self.layers]));
         // The most that any surface reflects: only where it is all can light grow without end.
-        let brightest = self.landings.iter().flat_map(|l| l.weight).fold(0.0, f32::max).min(1.0);
+        let brightest = self.path_ends.iter().flat_map(|l| l.weight).fold(0.0, f32::max).min(1.0);
         let brightest = f64::from(brightest);
         if brightest > 1.0 - 1e-6 && self.is_endless() {
             return Err(endless());
@@ -191,9 +191,9 @@ impl System {
         for _ in 0..ROUNDS {
             let of = |&entry: &u32| {
                 let e = entry as usize;
-                let landings = self.landings[e * self.paths..][..self.paths].iter();
-                let landed = landings.filter(|l| l.entry != NOWHERE.entry);
-                let most = |l: &Landing| l.weight.into_iter().fold(0.0, f32::max);
+                let path_ends = self.path_ends[e * self.paths..][..self.paths].iter();
+                let landed = path_ends.filter(|l| l.entry != NOWHERE.entry);
+                let most = |l: &PathEnd| l.weight.into_iter().fold(0.0, f32::max);
                 let sum: f32 = landed.map(|l| most(l) * left[l.entry as usize]).sum();
                 (entry, sum * self.share[e])
             };
@@ -217,12 +217,12 @@ impl System {
 
     /// source + T light, at one entry.
     fn pass(&self, light: &CacheHalf, entry: usize, out: &mut [Rgb]) {
-        let landings = &self.landings[entry * self.paths..][..self.paths];
-        let landed = || landings.iter().filter(|l| l.entry != NOWHERE.entry);
+        let path_ends = &self.path_ends[entry * self.paths..][..self.paths];
+        let landed = || path_ends.iter().filter(|l| l.entry != NOWHERE.entry);
         landed().for_each(|l| light.prefetch(l.entry));
-        for landing in landed() {
-            let weight = Rgb::from_array(landing.weight) * self.share[entry];
-            light.add(landing.entry, weight, out);
+        for path_end in landed() {
+            let weight = Rgb::from_array(path_end.weight) * self.share[entry];
+            light.add(path_end.entry, weight, out);
         }
         for (out, source) in out.iter_mut().zip(&self.source[entry * self.layers..]) {
             *out += *source;
@@ -274,19 +274,19 @@ mod tests {
     /// `pocket` entries that pass all their light round, `albedo` of it each time, and as many that lose
     /// half.
     fn system(pocket: usize, albedo: f32, light: Rgb) -> System {
-        let landing = |entry: usize| {
+        let path_end = |entry: usize| {
             let (next, weight) = if entry < pocket {
                 ((entry + 1) % pocket, albedo)
             } else {
                 (pocket + (entry + 1 - pocket) % pocket, 0.5)
             };
-            Landing { entry: next as u32, weight: [weight; 3] }
+            PathEnd { entry: next as u32, weight: [weight; 3] }
         };
         // One white surface elsewhere: whether there are such does not decide.
-        let mut landings: Vec<Landing> = (0..2 * pocket).map(landing).collect();
-        landings[pocket].weight = [1.0; 3];
+        let mut path_ends: Vec<PathEnd> = (0..2 * pocket).map(path_end).collect();
+        path_ends[pocket].weight = [1.0; 3];
         let source = (0..2 * pocket).map(|e| if e < pocket { light } else { Rgb::ONE }).collect();
-        System { layers: 1, source, paths: 1, landings, share: vec![1.0; 2 * pocket] }
+        System { layers: 1, source, paths: 1, path_ends, share: vec![1.0; 2 * pocket] }
     }
 
     #[test]

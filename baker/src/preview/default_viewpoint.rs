@@ -24,7 +24,7 @@ const HALF_VIEW: f64 = 35.0;
 const TIGHT: f64 = 0.01;
 
 /// What tells good places from bad ones.
-pub(super) struct Lookout<'a> {
+pub(super) struct DefaultViewpoint<'a> {
     pub geometry: &'a Geometry,
     pub rays: &'a Rays<'a>,
     /// Luminance that a surface shows.
@@ -34,7 +34,7 @@ pub(super) struct Lookout<'a> {
 /// A place and the point to look at.
 pub(super) type View = (DVec3, DVec3);
 
-impl Lookout<'_> {
+impl DefaultViewpoint<'_> {
     /// What is met from a place of the world.
     fn hit(&self, place: DVec3, direction: Vec3) -> Option<Hit> {
         self.rays.nearest_wall((place - self.geometry.origin).as_vec3(), direction, NOWHERE)
@@ -199,7 +199,7 @@ pub(super) mod tests {
             let at = a * hit.barycentric.x + b * hit.barycentric.y + c * hit.barycentric.z;
             f32::from(u8::from(at.x > 0.2))
         };
-        let lookout = Lookout { geometry: &g, rays: &rays, luminance: &is_east };
+        let lookout = DefaultViewpoint { geometry: &g, rays: &rays, luminance: &is_east };
         let middle = dvec3(0.0, 1.5, 0.0);
         assert!(!lookout.is_free(middle, 0.0) && lookout.is_free(dvec3(1.5, 1.5, 0.0), 0.5));
         let (low, high) = (dvec3(-3.0, 0.0, -3.0), dvec3(3.0, 3.0, 3.0));
