@@ -19,7 +19,7 @@ WORDS = {
     r"(?:open|closed) cells?": "unconverged or converged cell",
     r"trial (?:samples?|trainings?|runs?)": "pilot samples, or trial fit",
     r"standing (?:outputs?|datasets?|work|bakes?)": "existing",
-    r"bright looks?": "light sample",
+    r"bright looks?": "bright-surface sample",
     r"what was left out": "what was skipped or omitted",
     r"that is none": "a plain 'not'",
     r"it wants": "it needs",

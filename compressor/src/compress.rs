@@ -101,8 +101,8 @@ pub struct Options {
     /// Retrain every tile, even those a stopped run finished, and replace an existing bundle. Shards and
     /// merges only do the latter.
     pub force: bool,
-    /// Train nothing: assemble the tiles that shards have trained, or, with a target, choose configurations
-    /// by their trial fits.
+    /// Write the bundle from the tiles that shards have trained or, with a target, first choose
+    /// configurations from their trial fits. [`Rate::Psnr`] trains a few tiles to choose.
     pub merge: bool,
 }
 
@@ -157,7 +157,8 @@ pub(crate) fn sun_is_omitted(header: &Header) -> bool {
     info["sun"] == "left out"
 }
 
-/// Trains every tile of the dataset in `root` and writes the bundle and `<bundle>.run.json` with timings.
+/// Trains every tile of the dataset in `root` (with [`Options::merge`], takes those of shards), and writes
+/// the bundle and `<bundle>.run.json` with timings.
 ///
 /// # Errors
 /// [`Error::Invalid`] for a dataset that is invalid (a truncated file, a NaN, …), before anything is written;
@@ -179,8 +180,7 @@ pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Out
         let header = header(&job, job.hours_of_shards(&part)?);
         job.tiles(&header, &part).expect_shards()?;
     }
-    // (Shards' hours are removed with this run's files.)
-    part.has(&job.hours_key());
+    part.claim(&job.hours_key());
     let between = if options.merge { job.hours_of_shards(&part)? } else { job.hours()? };
     let header = job.header_with_sun(between, console)?;
     if let Some(outcome) = job.existing(&header, console).transpose() {
@@ -353,7 +353,8 @@ impl<'a> Job<'a> {
         })
     }
 
-    /// The same for only some tiles: reads their rows, not whole files.
+    /// Reads the training data of some tiles once, so that a bad texel or a truncated file stops the run
+    /// before any training: only their rows, not whole files.
     fn check_bands(&self, places: &[Place], console: &Console) -> Result<()> {
         let bands: BTreeSet<(usize, usize)> = places.iter().map(|place| (place.page, place.row)).collect();
         let progress = console.progress("checking", bands.len() as u64);
@@ -365,13 +366,13 @@ impl<'a> Job<'a> {
         Ok(())
     }
 
-    /// The hours of means between frames: [`Law::hours`].
+    /// The times between frames at which means are stored: [`Law::hours`].
     fn hours(&self) -> Result<Vec<f64>> {
         self.law.hours(self.dataset, &self.masks, &timeline(self.dataset))
     }
 
-    /// The same of shards. They depend on the light of all pages, so they are kept in the work folder: only
-    /// the first of many shards reads all pages.
+    /// The times between frames ([`Job::hours`]) as kept in the work folder, or computed if they are not
+    /// there. They depend on the light of all pages; so only the first of many shards reads all pages.
     fn hours_of_shards(&self, part: &Part) -> Result<Vec<f64>> {
         match part.read::<Vec<f64>>(&self.hours_key()) {
             Some(kept) if self.law.has_curves() => Ok(kept.result),
@@ -379,7 +380,7 @@ impl<'a> Job<'a> {
         }
     }
 
-    /// The same, and keeps them.
+    /// The times between frames ([`Job::hours_of_shards`]); keeps them in the work folder.
     fn keep_hours(&self, part: &Part) -> Result<Vec<f64>> {
         let between = self.hours_of_shards(part)?;
         if self.law.has_curves() && part.read::<Vec<f64>>(&self.hours_key()).is_none() {
@@ -388,15 +389,16 @@ impl<'a> Job<'a> {
         Ok(between)
     }
 
-    /// Once checksums are verified: corrects the kept hours if they were computed from other light.
+    /// Once checksums are verified: corrects the kept times between frames, with an error, if they were
+    /// computed from other light.
     fn expect_hours(&self, part: &Part, header: &Header) -> Result<()> {
         let between = self.hours()?;
         if between == header.timeline.between {
             return Ok(());
         }
         part.write(&self.hours_key(), &Payload::default(), &between, None)?;
-        let what = "the hours between frames were computed from other light than the dataset's, of a file that was damaged or exchanged \
-                    at the time; they are corrected: run the shards again, then this command";
+        let what = "the times between frames were computed from a file that was damaged or has been replaced since; they are corrected: run the shards \
+                    again, then this command";
         Err(Error::unready(part.folder().display(), what))
     }
 

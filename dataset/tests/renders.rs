@@ -147,8 +147,8 @@ fn a_table_gives_pages_hours_and_light_groups() {
     let table = folder.join("hall.toml");
     let good = "unit = \"kilolux\"\n\
                 [[page]]\nmask = \"mask.png\"\n[[page]]\n\
-                [[set]]\nhour = 18.1\nfiles = [\"light_18.25.exr\", \"small.exr\"]\n\
-                [[set]]\nhour = 18.0\nfiles = [\"light_9.exr\", \"small.exr\"]\n\
+                [[frame]]\nhour = 18.1\nfiles = [\"light_18.25.exr\", \"small.exr\"]\n\
+                [[frame]]\nhour = 18.0\nfiles = [\"light_9.exr\", \"small.exr\"]\n\
                 [[group]]\nname = \"lamps\"\non = [[18.0, 6.0]]\n";
     fs::write(&table, good).unwrap();
     let origin = Origin::Table(table.clone());
@@ -162,17 +162,22 @@ fn a_table_gives_pages_hours_and_light_groups() {
     assert_eq!((dataset.mask(0).unwrap().count(), dataset.mask(1).unwrap().count()), (40 * 28, 35));
     assert!(dataset.verify(|| {}).warnings.is_empty());
 
+    // The older name of frames.
+    fs::remove_dir_all(&out).unwrap();
+    fs::write(&table, good.replace("frame", "set")).unwrap();
+    assert_eq!(imported(&origin, &out).0, config);
+
     fs::remove_dir_all(&out).unwrap();
     for (from, to, words) in [
         ("unit", "units", &["hall.toml:1: unknown field `units`"][..]),
-        ("hour = 18.1", "hour = 24.0", &["set of hour 24: expected an hour from 0 to below 24"]),
-        ("hour = 18.1", "hour = nan", &["set of hour NaN"]),
+        ("hour = 18.1", "hour = 24.0", &["frame of hour 24: expected an hour from 0 to below 24"]),
+        ("hour = 18.1", "hour = nan", &["frame of hour NaN"]),
         ("hour = 18.1", "hour = 18.0", &["hall.toml:", "hour 18 occurs twice"]),
         ("[[18.0, ", "[[36.0, ", &["hall.toml:", "on 36 to", "expected two different hours in [0, 24]"]),
         (
-            ", \"small.exr\"]\n[[set]]",
-            "]\n[[set]]",
-            &["set of hour 18.1: 1 files; expected one for each page: 2"],
+            ", \"small.exr\"]\n[[frame]]",
+            "]\n[[frame]]",
+            &["frame of hour 18.1: 1 files; expected one for each page: 2"],
         ),
         (
             "\"light_9.exr\"",

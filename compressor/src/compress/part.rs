@@ -1,5 +1,6 @@
-//! The work folder `<bundle>.part/`: one file per finished tile and list of trial fits, named by a digest of
-//! its inputs.
+//! The work folder `<bundle>.part/`: a file for each finished tile, for each tile's trial fits, for the
+//! choice of configurations, and for the times between frames, each named by a digest of its inputs; the
+//! notes of shards; the lock.
 
 use super::{beside, shard};
 use crate::bundle::{self, Payload, Section};
@@ -48,7 +49,7 @@ pub(super) struct Part {
     folder: PathBuf,
     /// Excludes other runs; `None` once the folder is left.
     held: Option<Held>,
-    /// The files that this run looked up or wrote.
+    /// The files that this run read, wrote or claimed: removed once the bundle is written.
     own: Mutex<BTreeSet<PathBuf>>,
     /// The keys of those that it wrote.
     written: Mutex<BTreeSet<String>>,
@@ -77,7 +78,12 @@ impl Part {
     }
 
     fn path(&self, key: &str) -> PathBuf {
-        let path = self.folder.join(format!("{key}.{EXTENSION}"));
+        self.folder.join(format!("{key}.{EXTENSION}"))
+    }
+
+    /// Counts a file as this run's, to be removed once the bundle is written. Gives its path.
+    pub(super) fn claim(&self, key: &str) -> PathBuf {
+        let path = self.path(key);
         self.own.lock().unwrap_or_else(|e| e.into_inner()).insert(path.clone());
         path
     }
@@ -91,7 +97,7 @@ impl Part {
     pub(super) fn read<S: DeserializeOwned>(&self, key: &str) -> Option<Kept<S>> {
         // Checksum of the key and the rest, length of digest and statistics, these, word, length and bytes of
         // the features, resident bytes.
-        let bytes = fs::read(self.path(key)).ok()?;
+        let bytes = fs::read(self.claim(key)).ok()?;
         let (sum, rest) = bytes.split_first_chunk::<8>()?;
         if bundle::checksum(&[key.as_bytes(), rest]) != u64::from_le_bytes(*sum) {
             return None;
@@ -121,7 +127,7 @@ impl Part {
         result: &impl Serialize,
         made_from: Option<&str>,
     ) -> Result<()> {
-        let path = self.path(key);
+        let path = self.claim(key);
         let stats = serde_json::to_vec(&(made_from, result))
             .map_err(|error| Error::invalid(path.display(), error))?;
         let length = (stats.len() as u64).to_le_bytes();
@@ -148,10 +154,10 @@ impl Part {
 
     /// Removes a tile that is of no use.
     pub(super) fn discard(&self, key: &str) {
-        remove(self.path(key));
+        remove(self.claim(key));
     }
 
-    /// The names of the files that this run looked up or wrote.
+    /// The names of the files that this run read, wrote or claimed.
     pub(super) fn own(&self) -> Vec<String> {
         let own = self.own.lock().unwrap_or_else(|e| e.into_inner());
         own.iter().filter_map(|path| Some(path.file_name()?.to_str()?.to_owned())).collect()
@@ -164,7 +170,7 @@ impl Part {
         self.own.lock().unwrap_or_else(|e| e.into_inner()).extend(plain.filter(is_tile));
     }
 
-    /// True if a file of that name exists, complete or not.
+    /// True if the file of a key exists, complete or not.
     pub(super) fn has(&self, key: &str) -> bool {
         self.path(key).exists()
     }

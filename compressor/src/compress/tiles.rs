@@ -87,7 +87,7 @@ impl Tile {
     }
 }
 
-/// Everything that decides the tiles' bytes.
+/// The work on all tiles of a bundle: inputs, options and the work folder.
 pub(super) struct Tiles<'a> {
     pub dataset: &'a Dataset,
     /// Which light the maps hold.
@@ -165,14 +165,14 @@ impl Tiles<'_> {
     pub(super) fn claim(&self) {
         let chosen = self.known_choice().unwrap_or_default();
         for place in self.lit() {
-            self.part.has(&self.key(place, self.contents(&chosen, place)));
-            self.part.has(&self.trial_key(place));
+            self.part.claim(&self.key(place, self.contents(&chosen, place)));
+            self.part.claim(&self.trial_key(place));
         }
     }
 
     /// Shards verify no checksums, only the texels they read. So once they are verified, this compares the
     /// light of the tiles or trial fits that shards left with the dataset's, and removes what was made from
-    /// other light: of a file that was damaged or exchanged at the time.
+    /// other light: of a file that was damaged at the time, or has been replaced since.
     fn distrust(&self, key: impl Fn(Place) -> String + Sync, console: &Console) -> Result<()> {
         let made_from = |place| self.part.made_from(&key(place));
         let of_shards: Vec<Place> =
@@ -191,8 +191,8 @@ impl Tiles<'_> {
         let wrong = wrong.into_inner();
         if wrong > 0 {
             console.warn(format!(
-                "{} of shards were made from other light than the dataset's and are removed: some file was damaged or exchanged while they ran",
-                count(wrong, "part")
+                "removed the shards' work on {}: it was made from a file that was damaged, or has been replaced since",
+                count(wrong, "tile")
             ));
         }
         Ok(())

@@ -187,7 +187,7 @@ impl Frames<'_> {
     fn linear(&mut self, hour: f64, point: &TimePoint) -> Result<Image> {
         self.read(point.a)?;
         self.read(point.b)?;
-        let [(_, b), (_, a)] = &self.recent[..] else { unreachable!("two sets that differ were read") };
+        let [(_, b), (_, a)] = &self.recent[..] else { unreachable!("two frames that differ were read") };
         let hours = [point.a, point.b].map(|frame| self.dataset.config.frames[frame].hour);
         let width = self.dataset.config.pages[self.page].width as usize;
         Ok(Image { width, height: self.rows.len(), texels: self.law.mixed(hours, hour, [a, b]) })

@@ -128,7 +128,7 @@ impl Source {
     /// # Panics
     /// If there is no such frame.
     pub fn hour(&self, frame: usize) -> f64 {
-        self.reference.as_ref().expect("a set of a reference").config.frames[frame].hour
+        self.reference.as_ref().expect("a frame of a reference").config.frames[frame].hour
     }
 
     /// The frames that fit in a number of bytes, ascending: those nearest to the wanted hours come first.

@@ -61,14 +61,14 @@ pub(super) fn by_pattern(
     }
     let mask = mask.map(|mask| MaskFile::Picture(mask.to_owned()));
     others.retain(|name| !matches!(&mask, Some(MaskFile::Picture(path)) if path.ends_with(name)));
-    let sets = found.iter().map(|(_, name)| vec![folder.join(name)]).collect();
+    let frames = found.iter().map(|(_, name)| vec![folder.join(name)]).collect();
     let incoming = Incoming {
         layout: Layout::Exr,
         config: None,
         unit: UNKNOWN_UNIT.to_owned(),
         hours: found.iter().map(|(hour, _)| *hour).collect(),
         groups: Vec::new(),
-        pages: pages(sets, vec![mask], layer)?,
+        pages: pages(frames, vec![mask], layer)?,
     };
     Ok((incoming, others))
 }
@@ -87,7 +87,8 @@ struct Table {
     layer: Option<String>,
     #[serde(default)]
     page: Vec<TablePage>,
-    set: Vec<TableFrame>,
+    #[serde(alias = "set")]
+    frame: Vec<TableFrame>,
     #[serde(default)]
     group: Vec<TableGroup>,
 }
@@ -123,25 +124,25 @@ pub(super) fn by_table(path: &Path) -> Result<Incoming> {
     };
     let table: Table = toml::from_str(&text).map_err(|error| wrong(error.span(), error.message()))?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let mut sets = table.set;
-    sets.sort_by(|a, b| a.hour.as_ref().total_cmp(b.hour.as_ref()));
-    let Some(first) = sets.first() else { return Err(wrong(None, "no [[set]]; expected one per hour")) };
+    let mut frames = table.frame;
+    frames.sort_by(|a, b| a.hour.as_ref().total_cmp(b.hour.as_ref()));
+    let Some(first) = frames.first() else { return Err(wrong(None, "no [[frame]]; expected one per hour")) };
     let pages_told = if table.page.is_empty() { first.files.len() } else { table.page.len() };
-    for set in &sets {
-        let (hour, span) = (set.hour.as_ref(), Some(set.hour.span()));
+    for frame in &frames {
+        let (hour, span) = (frame.hour.as_ref(), Some(frame.hour.span()));
         if !(0.0..24.0).contains(hour) {
-            let what = format!("set of hour {hour}: expected an hour from 0 to below 24");
+            let what = format!("frame of hour {hour}: expected an hour from 0 to below 24");
             return Err(wrong(span, &what));
         }
-        if set.files.len() != pages_told || pages_told == 0 {
+        if frame.files.len() != pages_told || pages_told == 0 {
             let expected = format!("expected one for each page: {}", pages_told.max(1));
-            let what = format!("set of hour {hour}: {} files; {expected}", set.files.len());
+            let what = format!("frame of hour {hour}: {} files; {expected}", frame.files.len());
             return Err(wrong(span, &what));
         }
     }
-    if let Some(pair) = sets.windows(2).find(|pair| pair[0].hour.as_ref() == pair[1].hour.as_ref()) {
+    if let Some(pair) = frames.windows(2).find(|pair| pair[0].hour.as_ref() == pair[1].hour.as_ref()) {
         let what =
-            format!("hour {} occurs twice; expected one file or [[set]] per hour", pair[1].hour.as_ref());
+            format!("hour {} occurs twice; expected one file or [[frame]] per hour", pair[1].hour.as_ref());
         return Err(wrong(Some(pair[1].hour.span()), &what));
     }
     let mut groups = Vec::with_capacity(table.group.len());
@@ -157,12 +158,13 @@ pub(super) fn by_table(path: &Path) -> Result<Incoming> {
         let mask = table.page.get(page).and_then(|page| page.mask.as_ref());
         mask.map(|mask| MaskFile::Picture(folder.join(mask)))
     };
-    let files = sets.iter().map(|set| set.files.iter().map(|file| folder.join(file)).collect()).collect();
+    let files =
+        frames.iter().map(|frame| frame.files.iter().map(|file| folder.join(file)).collect()).collect();
     Ok(Incoming {
         layout: Layout::Exr,
         config: None,
         unit: table.unit.unwrap_or_else(|| UNKNOWN_UNIT.to_owned()),
-        hours: sets.iter().map(|set| *set.hour.as_ref()).collect(),
+        hours: frames.iter().map(|frame| *frame.hour.as_ref()).collect(),
         groups,
         pages: pages(files, (0..pages_told).map(mask).collect(), table.layer.as_deref())?,
     })
@@ -170,15 +172,15 @@ pub(super) fn by_table(path: &Path) -> Result<Incoming> {
 
 /// Pages of the size of their first file; `frames[frame][page]` are the files.
 fn pages(
-    sets: Vec<Vec<PathBuf>>,
+    frames: Vec<Vec<PathBuf>>,
     masks: Vec<Option<MaskFile>>,
     layer: Option<&str>,
 ) -> Result<Vec<IncomingPage>> {
     let page = |(index, mask): (usize, Option<MaskFile>)| {
         let mut size = None;
-        let mut own = Vec::with_capacity(sets.len());
-        for set in &sets {
-            let path = set[index].clone();
+        let mut own = Vec::with_capacity(frames.len());
+        for frame in &frames {
+            let path = frame[index].clone();
             let (channels, found) = find_channels(&path, layer)?;
             let (first, expected) = size.get_or_insert_with(|| (path.clone(), found));
             if found != *expected {

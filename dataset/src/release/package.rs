@@ -135,7 +135,7 @@ impl Plan {
         let mut archives = Vec::new();
         for (holds, files) in split(config) {
             let mut members = Vec::new();
-            if holds == "sets" {
+            if holds == "frames" {
                 match without_layers(config) {
                     Some(frames) => {
                         members.push(memory(store::MANIFEST, json(&place, &frames)?));

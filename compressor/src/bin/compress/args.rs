@@ -13,7 +13,7 @@ use std::time::Duration;
 const EXAMPLES: &str = "\
 Examples:
   compress dataset/yard                                     writes yard.ndgi and yard.html into that folder
-  compress dataset/yard --draft --profile L                 fast, and small
+  compress dataset/yard --draft                             quick, at lower quality
   compress dataset/yard --time-limit 5m                     trains as long as that allows
   compress dataset/yard --target-psnr 40                    more bits for the tiles that need them
   compress dataset/yard --levels                            also yard.1.ndgi, yard.2.ndgi, ...: coarser levels for virtual texturing
@@ -125,7 +125,7 @@ Examples:
 
 With --json: scene, profile, pages, hours, hours_between, groups, tiles, tiles_empty, contents, sun_times, written, bpp and bytes: bytes_of_header includes the
 index, bytes_resident (means and peaks of all tiles), bytes_of_sun, bytes_of_shadows; the rest is features and decoders. bytes_held_of_sun: memory for the
-sun's streams of all tiles at one time, in a compact layout (levels in 3 bits, normals as stored); ndgi-gpu needs more.";
+sun's streams of all tiles at one time, in a compact layout (visibility in 3 bits, normals as stored); ndgi-gpu needs more.";
 
 /// Compresses a dataset (the lightmaps of a day) into a random-access bundle and measures its quality.
 #[derive(Debug, Parser)]
@@ -369,9 +369,10 @@ pub struct Compress {
     /// all of them the same options; then run --merge.
     #[arg(long, value_name = "I/N", conflicts_with_all = ["merge", "time_limit", "levels", "report"])]
     pub shard: Option<Shard>,
-    /// Write the bundle from the tiles that shards have trained, without training. If tiles are missing, name
-    /// them and exit with code 75. With a target, the first run of the shards makes trial fits and the first
-    /// merge chooses each tile's configuration; then run the shards and --merge again.
+    /// Write the bundle from the tiles that shards have trained. If tiles are missing, name them and exit
+    /// with code 75. With a target, the first run of the shards makes trial fits, from which the first merge
+    /// chooses each tile's configuration (with --target-psnr it trains up to 16 tiles to do so); then run the
+    /// shards and --merge again.
     #[arg(long, conflicts_with_all = ["time_limit", "levels"])]
     pub merge: bool,
     /// Vector instructions to use: portable, avx2 or avx512 [default: the best this processor has]. They

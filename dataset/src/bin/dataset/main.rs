@@ -83,7 +83,7 @@ enum Command {
     ///   layer = "Combined"          # for EXR files with several layers
     ///   [[page]]
     ///   mask = "mask.png"
-    ///   [[set]]
+    ///   [[frame]]
     ///   hour = 5.9
     ///   files = ["dawn.exr"]        # one per page
     ///   [[group]]
@@ -128,8 +128,8 @@ Examples:
     Halve(halve::Halve),
     /// Packages datasets for release: archives, bundles, pictures, datasheets, checksums.
     ///
-    /// Per scene: SCENE-sets.tar.zst (manifest, masks, lightmaps, geometry), one archive for each of sun, sky
-    /// and lamps where layers are stored, the bundles (*.ndgi) found in its folder, pictures, a datasheet
+    /// Per scene: SCENE-frames.tar.zst (manifest, masks, lightmaps, geometry), one archive for each of sun,
+    /// sky and lamps where layers are stored, the bundles (*.ndgi) found in its folder, pictures, a datasheet
     /// SCENE.md. Also release.json, read_dataset.py and SHA256SUMS. Equal datasets give equal bytes. Each
     /// dataset is checked first; a stopped or failed command leaves nothing behind. With --json, one object:
     /// out, scenes, omitted [text], files, bytes, seconds.
@@ -147,7 +147,7 @@ Examples:
     #[command(after_help = "\
 Examples:
   dataset verify release
-  dataset verify yard          unpacked from yard-sets.tar.zst")]
+  dataset verify yard          unpacked from yard-frames.tar.zst")]
     Verify {
         /// A folder with SHA256SUMS or config.json.
         #[arg(value_name = "DIR")]
