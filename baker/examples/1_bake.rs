@@ -2,8 +2,23 @@
 
 use baker::bake::run::{Options, Preset, bake};
 use baker::light::schedule::parse_hours;
-use dataset::console::Console;
+use dataset::observe::{Message, Meter, Observer, Silent};
 use dataset::store::Dataset;
+
+/// Prints warnings; a program with a window would show information and progress, too.
+struct Warnings;
+
+impl Observer for Warnings {
+    fn message(&self, kind: Message, text: &str) {
+        if kind == Message::Warning {
+            eprintln!("warning: {text}");
+        }
+    }
+
+    fn meter(&self, task: &str, total: u64) -> Box<dyn Meter> {
+        Silent.meter(task, total)
+    }
+}
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -18,8 +33,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         out: Some(out.into()),
         ..Options::new(parse_hours("6,12,18,21")?)
     };
-    // Warnings go to stderr, and no progress. What is there already and of these options is not traced again.
-    let outcome = bake(scene.as_ref(), &options, &Console::silent())?;
+    // What is there already and of these options is not traced again.
+    let outcome = bake(scene.as_ref(), &options, &Warnings)?;
     println!(
         "{}: {} texels, {} layers traced and {} reused in {:.1} s",
         outcome.scene, outcome.texels, outcome.layers.traced, outcome.layers.reused, outcome.seconds

@@ -1,7 +1,7 @@
 //! Compresses a dataset: `cargo run --release -p compressor --example 1_compress -- dataset/yard yard.ndgi`.
 
 use compressor::compress::{DRAFT, Options, compress};
-use dataset::console::Console;
+use dataset::observe::Silent;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -10,7 +10,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     // DRAFT is a first look; MEDIUM is the command's default, FINAL for shipping.
     let options = Options { out: Some(out.into()), ..Options::of(DRAFT) };
-    let outcome = compress(dataset.as_ref(), &options, &Console::silent())?;
+    let outcome = compress(dataset.as_ref(), &options, &Silent)?;
     println!("{}: {} bytes, {} tiles in {:.1} s", out, outcome.bytes, outcome.tiles, outcome.seconds);
     for tile in &outcome.per_tile {
         let [page, column, row] = tile.place;

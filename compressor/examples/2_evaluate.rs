@@ -5,7 +5,7 @@
 
 use compressor::decode::Decoder;
 use compressor::evaluate::{Measures, evaluate};
-use dataset::console::Console;
+use dataset::observe::Silent;
 use dataset::store::Dataset;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -15,7 +15,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     let dataset = Dataset::open(dataset.as_ref())?;
     let decoder = Decoder::open(bundle.as_ref())?;
-    let found = evaluate(&dataset, &decoder, Measures::default(), &Console::silent())?;
+    let found = evaluate(&dataset, &decoder, Measures::default(), &Silent)?;
     let in_db = |value: Option<f64>| value.map_or("–".to_owned(), |db| format!("{db:.1} dB"));
     for (hour, quality) in &found.by_hour {
         println!(

@@ -31,7 +31,8 @@ use crate::compress::{DRAFT, MEDIUM, Preset};
 use crate::evaluate::SlowMetrics;
 use crate::{Error, Result};
 use dataset::config::Config;
-use dataset::console::{Console, stop_if_interrupted};
+use dataset::console::stop_if_interrupted;
+use dataset::observe::Observer;
 use dataset::store::Dataset;
 use judge::{Judge, Judged};
 use method::{Method, Way};
@@ -88,7 +89,7 @@ pub fn compare(
     transfer: Option<&Dataset>,
     slow_metrics: SlowMetrics,
     options: &Options,
-    console: &Console,
+    console: &dyn Observer,
 ) -> Result<Comparison> {
     dataset.expect_day()?;
     let frame = TileSet::load(dataset, options)?;

@@ -25,9 +25,10 @@ use crate::time::{Coding, Timeline};
 use crate::train::{Aim, Recipe};
 use crate::{Error, Result, of_bundle, printable};
 use dataset::config::{Layer, Light, PageKind};
-use dataset::console::{Console, count, stop_if_interrupted};
+use dataset::console::{count, stop_if_interrupted};
 use dataset::files::{expect_writable, sync_folder_of, write_atomically};
 use dataset::image::Mask;
+use dataset::observe::Observer;
 use dataset::store::Dataset;
 pub use outcome::{CurvePoint, Outcome, TileOutcome};
 use part::Part;
@@ -165,7 +166,7 @@ pub(crate) fn sun_is_omitted(header: &Header) -> bool {
 /// [`Error::Unready`] if another run is writing the bundle, or with [`Options::merge`] while tiles are
 /// missing; [`Error::Interrupted`]; [`Error::Io`]. An existing bundle stays as it was unless the run
 /// succeeds.
-pub fn compress(root: &Path, options: &Options, console: &Console) -> Result<Outcome> {
+pub fn compress(root: &Path, options: &Options, console: &dyn Observer) -> Result<Outcome> {
     let start = Instant::now();
     let dataset = Dataset::open(root)?;
     let job = Job::new(&dataset, options, console)?;
@@ -250,7 +251,7 @@ pub enum Sharded {
 ///
 /// # Errors
 /// As [`compress`], of the rows of pages that it reads; [`Error::Unsupported`] with a time limit.
-pub fn train_shard(root: &Path, options: &Options, shard: Shard, console: &Console) -> Result<Sharded> {
+pub fn train_shard(root: &Path, options: &Options, shard: Shard, console: &dyn Observer) -> Result<Sharded> {
     if options.time_limit.is_some() {
         return Err(Error::unsupported("time_limit", "a time limit is not supported with shards; omit it"));
     }
@@ -293,7 +294,7 @@ struct Job<'a> {
 }
 
 impl<'a> Job<'a> {
-    fn new(dataset: &'a Dataset, options: &Options, console: &Console) -> Result<Self> {
+    fn new(dataset: &'a Dataset, options: &Options, console: &dyn Observer) -> Result<Self> {
         if options.time_limit.is_some() && !matches!(options.rate, Rate::Usual | Rate::Profile(_)) {
             return Err(Error::unsupported(
                 "time_limit",
@@ -342,7 +343,7 @@ impl<'a> Job<'a> {
 
     /// Reads all training data once, so that a bad texel or a truncated file stops the run before any
     /// training.
-    fn check(&self, console: &Console) -> Result<()> {
+    fn check(&self, console: &dyn Observer) -> Result<()> {
         check_texels(self.dataset, console)?;
         // (Curves, masks and what the sun's stream is made of are verified where they are read.)
         let mut seen = BTreeSet::new();
@@ -355,7 +356,7 @@ impl<'a> Job<'a> {
 
     /// Reads the training data of some tiles once, so that a bad texel or a truncated file stops the run
     /// before any training: only their rows, not whole files.
-    fn check_bands(&self, places: &[Place], console: &Console) -> Result<()> {
+    fn check_bands(&self, places: &[Place], console: &dyn Observer) -> Result<()> {
         let bands: BTreeSet<(usize, usize)> = places.iter().map(|place| (place.page, place.row)).collect();
         let progress = console.progress("checking", bands.len() as u64);
         for (page, row) in bands {
@@ -407,7 +408,7 @@ impl<'a> Job<'a> {
     }
 
     /// The bundle's header with the sun's stream; `between`: [`Law::hours`].
-    fn header_with_sun(&self, between: Vec<f64>, console: &Console) -> Result<Header> {
+    fn header_with_sun(&self, between: Vec<f64>, console: &dyn Observer) -> Result<Header> {
         let sun = self.sunlight.as_ref().map(|sunlight| sunlight.coded(&self.masks, console)).transpose()?;
         if self.options.still_shadows && sun.is_none() {
             console.warn(format!(
@@ -420,7 +421,7 @@ impl<'a> Job<'a> {
     }
 
     /// The existing bundle if it is up to date; an error if it must not be replaced.
-    fn existing(&self, header: &Header, console: &Console) -> Result<Option<Outcome>> {
+    fn existing(&self, header: &Header, console: &dyn Observer) -> Result<Option<Outcome>> {
         if self.options.force {
             return Ok(None);
         }
@@ -541,7 +542,7 @@ fn existing_bundle(out: &Path, header: &Header) -> Existing {
 
 /// Reads every lightmap once, band by band, so that a bad texel or a truncated file stops the run before any
 /// training.
-fn check_texels(dataset: &Dataset, console: &Console) -> Result<()> {
+fn check_texels(dataset: &Dataset, console: &dyn Observer) -> Result<()> {
     let frames = &dataset.config.frames;
     let mut seen = BTreeSet::new();
     let maps: Vec<(usize, usize)> = (0..frames.len())

@@ -32,9 +32,10 @@ use crate::law::Law;
 use crate::mean::mean;
 use crate::{Error, Result, printable};
 use dataset::config::Noise;
-use dataset::console::{Console, Progress, stop_if_interrupted};
+use dataset::console::stop_if_interrupted;
 use dataset::image::{Image, Mask};
 use dataset::metrics::{self, Brightnesses, TileQuality};
+use dataset::observe::{Meter, Observer};
 use dataset::store::Dataset;
 use dataset::tiles::TILE;
 use sample::Strip;
@@ -122,7 +123,7 @@ pub fn evaluate(
     dataset: &Dataset,
     decoder: &Decoder,
     measures: Measures,
-    console: &Console,
+    console: &dyn Observer,
 ) -> Result<Evaluation> {
     expect_match(dataset, decoder)?;
     let noise = dataset.noise()?;
@@ -177,7 +178,7 @@ pub(crate) fn reference_law(decoder: &Decoder) -> Law {
 }
 
 /// Compares all frames.
-fn found(lightmaps: &Lightmaps, what: &str, console: &Console) -> Result<Found> {
+fn found(lightmaps: &Lightmaps, what: &str, console: &dyn Observer) -> Result<Found> {
     let frames = lightmaps.dataset.config.frames.len();
     let progress = console.progress(what, (frames * lightmaps.masks.len()) as u64);
     let mut found = Found::default();
@@ -217,7 +218,7 @@ struct Found {
 
 impl Found {
     /// Adds all pages of a frame.
-    fn add_frame(&mut self, of: &Lightmaps, frame: usize, progress: &Progress) -> Result<()> {
+    fn add_frame(&mut self, of: &Lightmaps, frame: usize, progress: &dyn Meter) -> Result<()> {
         let first = self.samples.len();
         let (mut sum, mut texels) = (0.0, 0);
         let mut brightnesses = Brightnesses::default();
@@ -300,7 +301,7 @@ impl Found {
         law: &Law,
         decoder: &Decoder,
         withheld: Option<&Dataset>,
-        console: &Console,
+        console: &dyn Observer,
     ) -> Result<Evaluation> {
         let (bundle, frames, pages) = (decoder.bundle(), &dataset.config.frames, &dataset.config.pages);
         // The quality over some of the frames.

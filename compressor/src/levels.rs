@@ -10,10 +10,10 @@ use crate::evaluate::{Measures, evaluate};
 use crate::model::PAYLOAD;
 use crate::{Error, Result, of_bundle};
 use dataset::config::Page;
-use dataset::console::Console;
 use dataset::files::{create_folders, remove_folder};
 use dataset::halve::{halve, open};
 use dataset::lock::{LOCK, lock};
+use dataset::observe::Observer;
 use dataset::report::Section;
 use dataset::store::Dataset;
 use ndgi::Bundle;
@@ -79,7 +79,7 @@ pub fn options(options: &Options, pages: &[Page], level: u32) -> Options {
 /// # Errors
 /// Those of [`halve`], [`compress`] and [`evaluate`]; [`Error::Invalid`] where another run makes these
 /// levels.
-pub fn levels(root: &Path, of: &Options, bundle: &Path, console: &Console) -> Result<Vec<Level>> {
+pub fn levels(root: &Path, of: &Options, bundle: &Path, console: &dyn Observer) -> Result<Vec<Level>> {
     let mut source = Dataset::open(root)?;
     let pages = source.config.pages.clone();
     let work = beside(bundle, ".levels");
@@ -133,7 +133,7 @@ pub fn stale(dataset: &Dataset, bundle: &Path) -> Vec<PathBuf> {
 }
 
 /// Compresses and evaluates a level.
-fn one(half: &Dataset, level: u32, options: &Options, console: &Console) -> Result<Level> {
+fn one(half: &Dataset, level: u32, options: &Options, console: &dyn Observer) -> Result<Level> {
     let pages: Vec<[u32; 2]> = half.config.pages.iter().map(|page| [page.width, page.height]).collect();
     let outcome = compress(&half.root, options, console)?;
     let decoder = Decoder::open(&outcome.bundle).map_err(of_bundle)?;

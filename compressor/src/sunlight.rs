@@ -15,8 +15,9 @@ use crate::Result;
 use crate::grid::{Grid, Place};
 use crate::tile::{self, Band, Coverage, GUTTER};
 use dataset::config::Layer;
-use dataset::console::{Console, stop_if_interrupted};
+use dataset::console::stop_if_interrupted;
 use dataset::image::Mask;
+use dataset::observe::Observer;
 use dataset::store::Dataset;
 use dataset::visibility::{Between, Planes, Visibility};
 use ndgi::bundle::Section;
@@ -85,7 +86,7 @@ impl<'a> Sunlight<'a> {
 
     /// What the header says of the sun, with the tables that code its tiles in few bits: found by coding them
     /// twice.
-    pub fn coded(&self, masks: &[Mask], console: &Console) -> Result<Sun> {
+    pub fn coded(&self, masks: &[Mask], console: &dyn Observer) -> Result<Sun> {
         let mut sun = self.sun.clone();
         for round in 0..2 {
             let coder = (round > 0).then(|| Coder::new(&sun.tables));
@@ -104,7 +105,7 @@ impl<'a> Sunlight<'a> {
 
     /// The tiles of all pages in the order of a bundle's index, coded: what they see of the sun, and, where
     /// that is requested, how shadows move.
-    pub fn sections(&self, sun: &Sun, masks: &[Mask], console: &Console) -> Result<Vec<[Section; 2]>> {
+    pub fn sections(&self, sun: &Sun, masks: &[Mask], console: &dyn Observer) -> Result<Vec<[Section; 2]>> {
         let (coder, decoder) = (Coder::new(&sun.tables), SunDecoder::new(sun));
         let search = self.moves().then(Search::of_table);
         let what = if search.is_some() { "moving shadows" } else { "the sun" };
@@ -125,7 +126,7 @@ impl<'a> Sunlight<'a> {
         &self,
         what: &str,
         masks: &[Mask],
-        console: &Console,
+        console: &dyn Observer,
         work: impl Fn(&SunBand, usize, &mut Seen) -> Result<T> + Sync,
     ) -> Result<Vec<Option<T>>> {
         let grid = |page: usize| Grid { width: masks[page].width, height: masks[page].height };

@@ -13,9 +13,10 @@ use crate::tile::{Band, Coverage, TileSource, valid_texels};
 use crate::time::Timeline;
 use crate::train::{Aim, Recipe, TrainedTile, train};
 use crate::{Error, Result, of_bundle};
-use dataset::console::{Console, stop_if_interrupted};
+use dataset::console::stop_if_interrupted;
 use dataset::image::{Image, Mask};
 use dataset::metrics;
+use dataset::observe::Observer;
 use dataset::report::Section;
 use dataset::report::plot::Plot;
 use dataset::store::Dataset;
@@ -105,7 +106,7 @@ struct Measured {
 ///
 /// # Errors
 /// As [`crate::compress::compress`].
-pub fn sweep(dataset: &Dataset, options: &Options, console: &Console) -> Result<Sweep> {
+pub fn sweep(dataset: &Dataset, options: &Options, console: &dyn Observer) -> Result<Sweep> {
     dataset.expect_day()?;
     let masks = (0..dataset.config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
     let (places, of) = choose(&masks, options);

@@ -1,5 +1,6 @@
 //! Terminal output of all binaries: messages, progress, the JSON line, and the exit code.
 
+use crate::observe::{Message, Meter, Observer};
 use crate::signals;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{IsTerminal, Write};
@@ -145,18 +146,31 @@ impl Console {
     }
 }
 
-impl Progress {
-    /// `n` more units are done. Callable from any thread.
-    pub fn advance(&self, n: u64) {
+impl Observer for Console {
+    fn message(&self, kind: Message, text: &str) {
+        match kind {
+            Message::Info => self.say(text),
+            Message::Warning => self.warn(text),
+        }
+    }
+
+    fn meter(&self, task: &str, total: u64) -> Box<dyn Meter> {
+        Box::new(self.progress(task, total))
+    }
+}
+
+impl Meter for Progress {
+    fn advance(&self, n: u64) {
         self.bar.inc(n);
         self.line_when_due();
     }
 
-    /// A short note shown next to the bar, such as the error so far.
-    pub fn note(&self, text: &str) {
+    fn note(&self, text: &str) {
         self.bar.set_message(text.to_owned());
     }
+}
 
+impl Progress {
     /// One plain line, if the last is long enough ago and no other thread is about to write it.
     fn line_when_due(&self) {
         let Some(Ok(mut next)) = self.next_line.as_ref().map(Mutex::try_lock) else { return };

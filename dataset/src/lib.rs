@@ -6,6 +6,7 @@
 pub mod error;
 pub mod system;
 pub mod signals;
+pub mod observe;
 pub mod console;
 pub mod process;
 pub mod typed;

@@ -13,7 +13,8 @@ use super::errors::{Parts, median};
 use super::value::Value;
 use crate::Rgb;
 use crate::trace::counts::RayCounts;
-use dataset::console::{Console, stop_if_interrupted};
+use dataset::console::stop_if_interrupted;
+use dataset::observe::Observer;
 use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -225,7 +226,7 @@ pub fn check(
     layers: &[Vec<Value>],
     frames: &[Parts],
     samples: u32,
-    console: &Console,
+    console: &dyn Observer,
 ) -> crate::Result<Check> {
     let progress = console.progress("checking", chosen.len() as u64);
     let checked: Vec<Vec<Checked>> = chosen

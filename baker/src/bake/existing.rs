@@ -12,7 +12,8 @@ use crate::scene::LightmapSize;
 use crate::trace::counts::RayCounts;
 use crate::{Error, Result};
 use dataset::config::{Config, FileRef, VERSION};
-use dataset::console::{Console, count};
+use dataset::console::count;
+use dataset::observe::{Observer, Silent};
 use dataset::store::{self, Dataset, Writer};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -118,7 +119,7 @@ pub fn refuse_foreign<'a>(out: &Path, reads: impl IntoIterator<Item = &'a Path>)
 /// [`Error::Invalid`] where less would take its place: another scene, fewer of its hours, fewer samples or
 /// fewer texels. A quick look at one hour must not cost a day's bake; `--force` says that it may. Also,
 /// forced or not, where a manifest stands there that cannot be read.
-pub fn refuse_less(out: &Path, prepared: &Prepared, options: &Options, console: &Console) -> Result<()> {
+pub fn refuse_less(out: &Path, prepared: &Prepared, options: &Options, console: &dyn Observer) -> Result<()> {
     let existing = match Dataset::open_manifest(out) {
         Ok(dataset) => dataset.config,
         Err(_) if !out.join(store::MANIFEST).exists() => return Ok(()),
@@ -179,7 +180,7 @@ pub fn replacement_note(prepared: &Prepared, options: &Options) -> Result<Option
     if up_to_date(&out, &inputs, options, Instant::now()).is_some() {
         return Ok(Some(format!("{} already holds this bake: nothing would be traced", out.display())));
     }
-    if let Err(error) = refuse_less(&out, prepared, options, &Console::silent()) {
+    if let Err(error) = refuse_less(&out, prepared, options, &Silent) {
         return Ok(Some(refused(error)));
     }
     if options.force {

@@ -17,7 +17,7 @@ use super::value::{Filtered, Stored, Value};
 use crate::trace::counts::RayCounts;
 use crate::{Error, Result, Rgb};
 use bytemuck::{Pod, Zeroable};
-use dataset::console::Console;
+use dataset::observe::Observer;
 use dataset::system::ReadExactAt;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -251,7 +251,7 @@ impl Layers {
         base: &str,
         digests: &[String],
         traced: &Traced,
-        console: &Console,
+        console: &dyn Observer,
     ) -> Result<RayCounts> {
         self.create()?;
         dataset::files::remove_stale_temporaries(&self.root)?;

@@ -18,8 +18,9 @@ use crate::trace::counts::RayCounts;
 use crate::trace::lights::Lights;
 use crate::trace::path::point_pair;
 use crate::trace::sampler::{Kind, Sequence};
-use dataset::console::{Console, stop_if_interrupted};
+use dataset::console::stop_if_interrupted;
 use dataset::image::encode_png;
+use dataset::observe::Observer;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -221,7 +222,7 @@ impl Local {
 
 impl Places {
     /// Looks around from the middle of every cell.
-    pub fn find(worker: &Worker, console: &Console) -> crate::Result<(Self, RayCounts)> {
+    pub fn find(worker: &Worker, console: &dyn Observer) -> crate::Result<(Self, RayCounts)> {
         let atlas = worker.atlas;
         let mut places = Places::without_looks(atlas);
         let mut face_of = vec![NONE; worker.transport.space.geometry.triangles.len()];

@@ -107,7 +107,7 @@ impl Plan {
         if matches!(scene.sky, Some(Sky::Harmonics { .. })) {
             skipped.push("no sun and no lamps: a transfer is of the sky's functions".to_owned());
         } else if scene.groups.is_empty() {
-            skipped.push("no lamp sampler and no switch extras: the scene has no light groups".to_owned());
+            skipped.push("no lamp sampler and no switch frames: the scene has no light groups".to_owned());
         }
         if !geometry.materials.iter().any(|m| m.alpha_cutoff.is_some()) {
             skipped.push("no alpha tests: the scene has no cut-outs".to_owned());

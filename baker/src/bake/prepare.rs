@@ -23,7 +23,7 @@ use crate::trace::rays::Rays;
 use crate::trace::space::Space;
 use crate::{Error, Result};
 use dataset::config::Transfer;
-use dataset::console::Console;
+use dataset::observe::{Observer, Silent};
 use dataset::sun::SunPath;
 use dataset::visibility::MOST_TIMES;
 use std::path::{Path, PathBuf};
@@ -189,7 +189,7 @@ impl Prepared {
 ///
 /// # Errors
 /// Bad input.
-pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Result<Prepared> {
+pub fn prepare(scene_file: &Path, options: &Options, console: &dyn Observer) -> Result<Prepared> {
     options.backend.expect_built()?;
     let start = Instant::now();
     let (mut scene, mut warnings) = crate::scene::load(scene_file)?;
@@ -266,7 +266,7 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &Console) -> Resul
 /// than this.)
 fn inputs_of_the_day(scene_file: &Path, options: &Options) -> Result<String> {
     let day = Options { hours: Hours::day(), transfer: false, ..options.clone() };
-    let (_, inputs) = prepare(scene_file, &day, &Console::silent())?.manifest(&day)?;
+    let (_, inputs) = prepare(scene_file, &day, &Silent)?.manifest(&day)?;
     Ok(inputs)
 }
 

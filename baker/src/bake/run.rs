@@ -36,9 +36,10 @@ use crate::{Error, Result};
 use dataset::config::{
     Config, Daylight, FORMAT, FileRef, Group, Instance, Layer, Light, SunVisibility, VERSION,
 };
-use dataset::console::{Console, count};
+use dataset::console::count;
 use dataset::curve::Curve;
 use dataset::files::{remove_stale_temporaries, sync_folder_of, write_atomically};
+use dataset::observe::Observer;
 use dataset::store::Writer;
 use dataset::tiles::TILE;
 use std::collections::BTreeSet;
@@ -53,7 +54,7 @@ pub use super::prepare::{Prepared, prepare};
 /// # Errors
 /// Bad input, a full disk, or [`Error::Interrupted`]; finished blocks are kept and the next call continues
 /// with them.
-pub fn bake(scene_file: &Path, options: &Options, console: &Console) -> Result<Outcome> {
+pub fn bake(scene_file: &Path, options: &Options, console: &dyn Observer) -> Result<Outcome> {
     let start = Instant::now();
     let prepared = prepare(scene_file, options, console)?;
     let Prepared { scene, geometry, plan, limits, digests, .. } = &prepared;
@@ -336,7 +337,7 @@ fn sunlight(
     layers: &Layers,
     base: &str,
     writer: &mut Writer,
-    console: &Console,
+    console: &dyn Observer,
 ) -> Result<Sunlight> {
     let mut sunlight = Sunlight::default();
     if let Some(path) = prepared.sun_path() {
@@ -368,7 +369,7 @@ struct Run<'a> {
     places: &'a Places,
     out: &'a Path,
     layers: &'a Layers,
-    console: &'a Console,
+    console: &'a dyn Observer,
 }
 
 impl Run<'_> {
@@ -503,7 +504,7 @@ fn check_layers(
     assembler: &Assembler,
     chosen: &[Chosen],
     samples: u32,
-    console: &Console,
+    console: &dyn Observer,
 ) -> Result<Check> {
     let all: Vec<usize> = (0..prepared.plan.layers()).collect();
     // Of every layer these texels alone: all of all layers may be more than memory holds.

@@ -16,7 +16,7 @@ use crate::trace::cache::CacheMap;
 use crate::trace::cache_half::CacheHalf;
 use crate::trace::counts::RayCounts;
 use crate::trace::space::Receiver;
-use dataset::console::Console;
+use dataset::observe::Observer;
 
 /// Memory that the cache and its solution may take, about.
 const MEMORY: u64 = 4 << 30;
@@ -92,7 +92,7 @@ pub fn fill<'a>(
     map: CacheMap<'a>,
     blocks: &[usize],
     (samples, are_all): (u32, bool),
-    console: &Console,
+    console: &dyn Observer,
 ) -> Result<(Cache<'a>, Solution, RayCounts)> {
     let progress = console.progress("first bounces", 2 * blocks.len() as u64);
     let (paths, mut counts) = (paths_per_entry(map.entries(), samples), RayCounts::default());

@@ -22,7 +22,8 @@ use super::work::{DIRECT, PIVOT, ROUNDS, UNSETTLED, WorkFolder};
 use crate::Result;
 use crate::surface::BlockSurface;
 use crate::trace::counts::RayCounts;
-use dataset::console::{Console, count, stop_if_interrupted};
+use dataset::console::{count, stop_if_interrupted};
+use dataset::observe::Observer;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Instant;
@@ -99,7 +100,7 @@ impl Tracer<'_> {
         &self,
         limits: &Limits,
         mut judge: Option<Judge>,
-        console: &Console,
+        console: &dyn Observer,
     ) -> Result<(Traced, Way<'_>)> {
         if let Some(done) = self.go_on(limits, &mut judge, console)? {
             return Ok(done);
@@ -121,7 +122,7 @@ impl Tracer<'_> {
         &self,
         limits: &Limits,
         judge: &mut Option<Judge>,
-        console: &Console,
+        console: &dyn Observer,
     ) -> Result<Option<(Traced, Way<'_>)>> {
         let blocks = self.worker.blocks();
         let rounds: Vec<Round> = self.folder.read(ROUNDS)?.unwrap_or_default();
@@ -273,7 +274,7 @@ impl Tracer<'_> {
         rounds: &[Round],
         blocks: &[usize],
         is_beyond_first: bool,
-        console: &Console,
+        console: &dyn Observer,
     ) -> Result<Option<Step>> {
         let (finished, first) = (rounds.len() as u32, rounds.first());
         let before = rounds.last().map_or(0, |round| round.samples);
@@ -320,7 +321,7 @@ impl Tracer<'_> {
         blocks: &[usize],
         finished: u32,
         whole: u32,
-        console: &Console,
+        console: &dyn Observer,
     ) -> Result<Option<Begun>> {
         let progress = console.progress("direct light", blocks.len() as u64);
         let lights = self.worker.transport.lights.sampled();
@@ -388,7 +389,7 @@ impl Tracer<'_> {
         covered: Vec<Covered>,
         way: &Way,
         is_begun: bool,
-        console: &Console,
+        console: &dyn Observer,
         traced: &mut Traced,
     ) -> Result<Option<Solved<'_>>> {
         // A run that continues finds more direct light than the solver did: it must not try again.
@@ -445,7 +446,7 @@ impl Tracer<'_> {
         schedule: &[u32],
         limits: &Limits,
         blocks: &[usize],
-        console: &Console,
+        console: &dyn Observer,
     ) -> Result<Option<Vec<Step>>> {
         let mut steps = Vec::new();
         for (round, &target) in schedule.iter().enumerate().take(rounds.len()) {
@@ -459,7 +460,7 @@ impl Tracer<'_> {
     }
 
     /// Brings blocks that were lost through the way of all others.
-    fn retrace(&self, lost: &[usize], way: &Way, console: &Console) -> Result<RayCounts> {
+    fn retrace(&self, lost: &[usize], way: &Way, console: &dyn Observer) -> Result<RayCounts> {
         let progress = console.progress("tracing again", lost.len() as u64);
         let of_block = |&block: &usize| {
             let mut rays = RayCounts::default();
@@ -575,7 +576,7 @@ impl Tracer<'_> {
     }
 
     /// The class of deviation whose texels get the mean number of samples, from what the first round left.
-    fn pivot(&self, blocks: &[usize], means: &[f64], console: &Console) -> Result<Option<i16>> {
+    fn pivot(&self, blocks: &[usize], means: &[f64], console: &dyn Observer) -> Result<Option<i16>> {
         let progress = console.progress("allocating samples", blocks.len() as u64);
         let of_block = |&block: &usize| -> Result<Histogram> {
             stop_if_interrupted()?;
@@ -598,7 +599,7 @@ impl Tracer<'_> {
 
 impl Way<'_> {
     /// Says how many blocks were traced again since it was last asked.
-    pub fn tell(&self, console: &Console) {
+    pub fn tell(&self, console: &dyn Observer) {
         let again = self.again.swap(0, Ordering::Relaxed);
         if again > 0 {
             console.warn(format!(

@@ -6,7 +6,7 @@
 use crate::scene::{Baked, Group};
 use dataset::typed::clock;
 
-/// The times to bake, before the switch extras.
+/// The times to bake, before the switch frames.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Hours {
     /// Ascending, distinct, in [0, 24).

@@ -8,7 +8,7 @@ use crate::bake::scene_glb::to_glb;
 use crate::geometry::{self, Geometry, LightmapPlace};
 use crate::scene::{Baked, Lightmap, Scene};
 use crate::{Error, Result};
-use dataset::console::Console;
+use dataset::observe::Observer;
 use dataset::store::{Dataset, MANIFEST, UNFINISHED, WORK};
 use serde::Deserialize;
 use serde_json::Value;
@@ -53,7 +53,7 @@ pub fn open(
     scene_file: &Path,
     mut scene: Scene,
     geometry: Geometry,
-    console: &Console,
+    console: &dyn Observer,
 ) -> Result<Shown> {
     let dataset = Dataset::open(folder)?;
     dataset.expect_day()?;
@@ -88,7 +88,7 @@ pub fn open(
 
 /// The texels of a geometry, if a dataset has the same; `None` where geometry, materials or layout are
 /// others.
-fn as_baked(dataset: &Dataset, geometry: &Geometry, console: &Console) -> Result<Option<Atlas>> {
+fn as_baked(dataset: &Dataset, geometry: &Geometry, console: &dyn Observer) -> Result<Option<Atlas>> {
     let config = &dataset.config;
     // As it was baked: a draft has other pages than the scene asks for.
     let Ok(lightmap) = Lightmap::deserialize(&config.settings["lightmap"]) else { return Ok(None) };
@@ -114,7 +114,7 @@ fn of_dataset(
     scene_file: &Path,
     mut scene: Scene,
     dataset: Dataset,
-    console: &Console,
+    console: &dyn Observer,
 ) -> Result<Shown> {
     let (config, shown) = (&dataset.config, scene_file.display());
     let file = config.geometry.as_ref().filter(|_| config.scene == scene.name);

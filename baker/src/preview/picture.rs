@@ -6,7 +6,8 @@ use crate::trace::lens::Lens;
 use crate::trace::path::point_pair;
 use crate::trace::sampler::{Kind, Sequence};
 use crate::{Result, Rgb};
-use dataset::console::{Console, stop_if_interrupted};
+use dataset::console::stop_if_interrupted;
+use dataset::observe::Observer;
 use dataset::tone::{self, automatic_exposure};
 use glam::Vec2;
 use image::ImageEncoder;
@@ -27,7 +28,7 @@ impl Picture {
         size: [u32; 2],
         samples: u32,
         seed: u64,
-        console: &Console,
+        console: &dyn Observer,
     ) -> Result<Self> {
         let [width, height] = size;
         let progress = console.progress("drawing", height.into());

@@ -18,8 +18,8 @@ use crate::trace::rays::Rays;
 use crate::trace::space::Space;
 use crate::trace::triangle::Hit;
 use crate::{Result, geometry, scene};
-use dataset::console::Console;
 use dataset::files::{expect_output, write_atomically};
+use dataset::observe::Observer;
 use dataset::store::Dataset;
 use serde_json::json;
 use std::path::Path;
@@ -55,7 +55,7 @@ fn of_frames(
     hour: f64,
     scene: &Scene,
     places: Places,
-    console: &Console,
+    console: &dyn Observer,
 ) -> Result<Source> {
     let blend = Blend::new(&dataset.config, hour);
     let mut doubts = Vec::new();
@@ -77,7 +77,7 @@ fn of_bundle(
     hour: f64,
     scene: &mut Scene,
     places: Places,
-    console: &Console,
+    console: &dyn Observer,
 ) -> Result<Source> {
     bundle.expect_of(dataset)?;
     console.say(format!("{hour:.2} h: decoded from {}", bundle.path.display()));
@@ -97,7 +97,7 @@ fn of_bundle(
 ///
 /// # Errors
 /// Bad input; no dataset, or one of another scene; a picture that cannot be written.
-pub fn preview(scene_file: &Path, options: &Options, console: &Console) -> Result<serde_json::Value> {
+pub fn preview(scene_file: &Path, options: &Options, console: &dyn Observer) -> Result<serde_json::Value> {
     let start = Instant::now();
     options.backend.expect_built()?;
     if let Some(out) = &options.out {

@@ -17,8 +17,9 @@ use crate::preview::view;
 use crate::scene::{Camera, MAX_FOV, Portal, Scene, SunKey, SunTrack, is_reserved};
 use crate::trace::rays::Rays;
 use crate::{Error, Result, geometry};
-use dataset::console::{Console, count};
+use dataset::console::count;
 use dataset::files::write_atomically;
+use dataset::observe::Observer;
 use glam::DVec3;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -87,7 +88,7 @@ const FILLED: f64 = 0.7;
 ///
 /// # Errors
 /// A model that cannot be read; a scene file that is there already, or cannot be written.
-pub fn new(model: &Path, options: &Options, console: &Console) -> Result<serde_json::Value> {
+pub fn new(model: &Path, options: &Options, console: &dyn Observer) -> Result<serde_json::Value> {
     // (Before anything is said of the file to write: a scene file may be what was given.)
     Scene::of_model(model)?;
     let name = plain(&name_of(model));

@@ -24,9 +24,10 @@ use crate::compress::default_bundle;
 use crate::decode::{Decoder, Lights};
 use crate::evaluate::expect_match;
 use crate::{Error, Result, of_bundle};
-use dataset::console::{Console, stop_if_interrupted};
+use dataset::console::stop_if_interrupted;
 use dataset::image::{Image, Mask};
 use dataset::metrics::{PSNR_CAP_DB, compare_pictures};
+use dataset::observe::Observer;
 use dataset::report::scene::PICTURE;
 use dataset::store::Dataset;
 use dataset::view::{Light, View};
@@ -88,7 +89,7 @@ impl<'a> Stage<'a> {
     ///
     /// # Errors
     /// [`Error::Invalid`] without geometry, or where nothing in it has texels.
-    pub fn new(dataset: &'a Dataset, set: &'a TileSet, console: &Console) -> Result<Self> {
+    pub fn new(dataset: &'a Dataset, set: &'a TileSet, console: &dyn Observer) -> Result<Self> {
         let views = View::each(dataset, PICTURE, CAMERAS)?;
         if views.is_empty() {
             let what = match &dataset.config.geometry {

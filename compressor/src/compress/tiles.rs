@@ -16,8 +16,9 @@ use crate::model::{Contents, PROFILES, TileParams};
 use crate::tile::{self, Band};
 use crate::train::{self, Recipe, TrialFit};
 use crate::{Error, Result, of_bundle};
-use dataset::console::{Console, count, stop_if_interrupted};
+use dataset::console::{count, stop_if_interrupted};
 use dataset::image::Mask;
+use dataset::observe::Observer;
 use dataset::store::Dataset;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -111,7 +112,7 @@ pub(super) struct Tiles<'a> {
 
 impl Tiles<'_> {
     /// Trial fits and training of every tile that a stopped run has not finished.
-    pub(super) fn work(&self, console: &Console) -> Result<Work> {
+    pub(super) fn work(&self, console: &dyn Observer) -> Result<Work> {
         let (chosen, trial_seconds) = self.chosen(console)?;
         self.distrust(|place| self.key(place, self.contents(&chosen, place)), console)?;
         if self.options.merge {
@@ -173,7 +174,7 @@ impl Tiles<'_> {
     /// Shards verify no checksums, only the texels they read. So once they are verified, this compares the
     /// light of the tiles or trial fits that shards left with the dataset's, and removes what was made from
     /// other light: of a file that was damaged at the time, or has been replaced since.
-    fn distrust(&self, key: impl Fn(Place) -> String + Sync, console: &Console) -> Result<()> {
+    fn distrust(&self, key: impl Fn(Place) -> String + Sync, console: &dyn Observer) -> Result<()> {
         let made_from = |place| self.part.made_from(&key(place));
         let of_shards: Vec<Place> =
             self.lit().into_iter().filter(|place| made_from(*place).is_some()).collect();
@@ -214,7 +215,7 @@ impl Tiles<'_> {
     }
 
     /// Trains the tiles of a shard, or makes their trial fits if no configurations have been chosen.
-    pub(super) fn train_shard(&self, notes: &Notes, own: &[Place], console: &Console) -> Result<Stage> {
+    pub(super) fn train_shard(&self, notes: &Notes, own: &[Place], console: &dyn Observer) -> Result<Stage> {
         let Some(chosen) = self.known_choice() else {
             let is_open = |place: &&Place| self.part.read::<TileTrials>(&self.trial_key(**place)).is_none();
             let work = |place: Place, band: &Band| self.try_tile(place, band).map(|_| (0, None));
@@ -240,7 +241,7 @@ impl Tiles<'_> {
         own: &[Place],
         is_open: impl Fn(&&Place) -> bool,
         work: impl Fn(Place, &Band) -> Result<(usize, Option<f64>)> + Sync,
-        console: &Console,
+        console: &dyn Observer,
     ) -> Result<Stage> {
         let open: Vec<Place> = own.iter().filter(is_open).copied().collect();
         notes.begin(stage, [own.len(), self.lit().len()], own.len() - open.len())?;
@@ -261,7 +262,7 @@ impl Tiles<'_> {
     }
 
     /// All tiles in the order of the bundle's index, as [`Tiles::chosen`] chose.
-    fn trained(&self, chosen: &[Option<Contents>], console: &Console) -> Result<Vec<Tile>> {
+    fn trained(&self, chosen: &[Option<Contents>], console: &dyn Observer) -> Result<Vec<Tile>> {
         let so_far = std::sync::Mutex::new((0.0, 0));
         let contents = |place| self.contents(chosen, place);
         let note = |tile: &Tile| {
@@ -327,7 +328,7 @@ impl Tiles<'_> {
 
     /// The configuration chosen for each tile by trial fits, in the order of the index (`None` for a tile
     /// without light), and their CPU seconds. An empty list if all tiles have the same profile.
-    pub(super) fn chosen(&self, console: &Console) -> Result<(Vec<Option<Contents>>, f64)> {
+    pub(super) fn chosen(&self, console: &dyn Observer) -> Result<(Vec<Option<Contents>>, f64)> {
         if let Rate::Usual | Rate::Profile(_) = self.options.rate {
             return Ok((Vec::new(), 0.0));
         }
@@ -382,7 +383,7 @@ impl Tiles<'_> {
         db: f64,
         trials: &[Vec<TrialFit>],
         contents: impl Fn(&[Option<usize>]) -> Vec<Option<Contents>>,
-        console: &Console,
+        console: &dyn Observer,
     ) -> Result<Vec<Option<usize>>> {
         let terms: u64 = trials.iter().filter_map(|trials| trials.first()).map(|trial| trial.terms).sum();
         // What the tiles together may keep of error.
@@ -428,7 +429,7 @@ impl Tiles<'_> {
         trials: &[Vec<TrialFit>],
         chosen: &[Option<usize>],
         contents: &[Option<Contents>],
-        console: &Console,
+        console: &dyn Observer,
     ) -> Result<Option<f64>> {
         let error = |tile: usize| chosen[tile].map(|at| trials[tile][at].error);
         let mut worst: Vec<(f64, usize)> = (0..trials.len()).filter_map(|t| Some((error(t)?, t))).collect();
@@ -466,7 +467,7 @@ impl Tiles<'_> {
     /// bundle's index. A few bands are in memory at a time.
     fn each_tile<T: Send>(
         &self,
-        console: &Console,
+        console: &dyn Observer,
         what: &str,
         finished: impl Fn(Place) -> Option<T> + Sync,
         work: impl Fn(Place, &Band) -> Result<T> + Sync,

@@ -11,9 +11,10 @@ use crate::decode::{Decoder, Lights};
 use crate::law::{Law, LayerRows, Rows};
 use crate::time::TimePoint;
 use crate::{Error, Result};
-use dataset::console::{Console, stop_if_interrupted};
+use dataset::console::stop_if_interrupted;
 use dataset::image::{Image, Mask};
 use dataset::metrics;
+use dataset::observe::Observer;
 use dataset::store::Dataset;
 use dataset::tiles::{Rect, TILE, tiles};
 use std::ops::Range;
@@ -44,7 +45,7 @@ pub fn between(
     dataset: &Dataset,
     withheld: Option<&Dataset>,
     decoder: &Decoder,
-    console: &Console,
+    console: &dyn Observer,
 ) -> Result<Option<Between>> {
     let pages = dataset.config.pages.len();
     let mut masks = (0..pages).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;

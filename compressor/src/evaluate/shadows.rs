@@ -5,8 +5,9 @@ use super::strips::decode;
 use crate::Result;
 use crate::decode::{Decoder, Lights};
 use crate::mean::mean;
-use dataset::console::{Console, stop_if_interrupted};
+use dataset::console::stop_if_interrupted;
 use dataset::metrics;
+use dataset::observe::Observer;
 use dataset::store::Dataset;
 use dataset::tiles::TILE;
 use dataset::visibility::{Between, Planes};
@@ -31,7 +32,11 @@ pub struct Shadows {
 }
 
 /// Evaluates a bundle whose sun is a separate stream, on tiles of 128×128 texels. `None` if nothing is lit.
-pub(super) fn shadows(dataset: &Dataset, decoder: &Decoder, console: &Console) -> Result<Option<Shadows>> {
+pub(super) fn shadows(
+    dataset: &Dataset,
+    decoder: &Decoder,
+    console: &dyn Observer,
+) -> Result<Option<Shadows>> {
     let path = dataset.sun_path()?.filter(|_| decoder.bundle().header.sun.is_some());
     let Some(path) = path else { return Ok(None) };
     let is_up = |i: &usize| path.irradiance[*i] != [0.0; 3];

@@ -4,9 +4,10 @@ use super::strips::{decode, read, strips, valid};
 use crate::Result;
 use crate::decode::{Decoder, Lights};
 use crate::law::Law;
-use dataset::console::{Console, stop_if_interrupted};
+use dataset::console::stop_if_interrupted;
 use dataset::image::Image;
 use dataset::metrics::StepError;
+use dataset::observe::Observer;
 use dataset::store::Dataset;
 
 /// From one frame to the next.
@@ -53,7 +54,12 @@ impl Steps {
 }
 
 /// Evaluates a bundle's steps; the bundle is the dataset's.
-pub(super) fn steps(dataset: &Dataset, law: &Law, decoder: &Decoder, console: &Console) -> Result<Steps> {
+pub(super) fn steps(
+    dataset: &Dataset,
+    law: &Law,
+    decoder: &Decoder,
+    console: &dyn Observer,
+) -> Result<Steps> {
     let frames = &dataset.config.frames;
     let n = frames.len();
     if n < 2 {

@@ -5,8 +5,9 @@ use super::raw::block_rows;
 use crate::config::{
     Baked, Config, Daylight, FORMAT, Frame, Layer, Light as Lights, Page, Part, Source, VERSION,
 };
-use crate::console::{Console, Progress, stop_if_interrupted};
+use crate::console::stop_if_interrupted;
 use crate::image::{Mask, write_exr};
+use crate::observe::{Meter, Observer};
 use crate::store::{Staged, Writer, about_equal, is_bad, refuse_light};
 use crate::{Error, Result};
 use rayon::prelude::*;
@@ -24,8 +25,8 @@ pub(super) fn convert(
     incoming: &Incoming,
     root: &Path,
     scene: &str,
-    console: &Console,
-    progress: &Progress,
+    console: &dyn Observer,
+    progress: &dyn Meter,
 ) -> Result<Config> {
     let mut writer = Writer::create(root)?;
     let replaced = AtomicU64::new(0);
@@ -130,7 +131,7 @@ struct Job<'a> {
     page: &'a IncomingPage,
     mask: &'a Mask,
     replaced: &'a AtomicU64,
-    progress: &'a Progress,
+    progress: &'a dyn Meter,
 }
 
 impl Job<'_> {

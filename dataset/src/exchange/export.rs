@@ -5,9 +5,10 @@ use super::plan::{Lightmap, Parts, Planned};
 use super::raw::{self, light_bytes, mask_bytes};
 use super::{layout1, layout2};
 use crate::config::{FileRef, Layer, Layout, Light};
-use crate::console::{Console, Progress, count};
+use crate::console::count;
 use crate::files::{NewFolder, write_atomically};
 use crate::image::add;
+use crate::observe::{Meter, Observer};
 use crate::store::{Dataset, MANIFEST};
 use crate::{Error, Result};
 use rayon::prelude::*;
@@ -33,7 +34,7 @@ pub struct Exported {
 /// # Errors
 /// `Unsupported` if the layout cannot store any of the dataset; `Invalid` for an invalid dataset. Then
 /// nothing is left behind.
-pub fn export(dataset: &Dataset, layout: Layout, out: &Path, console: &Console) -> Result<Exported> {
+pub fn export(dataset: &Dataset, layout: Layout, out: &Path, console: &dyn Observer) -> Result<Exported> {
     if layout == Layout::Exr {
         return Err(Error::unsupported(
             out.display(),
@@ -169,7 +170,7 @@ fn write_page(
     planned: &Planned,
     root: &Path,
     layered: bool,
-    progress: &Progress,
+    progress: &dyn Meter,
 ) -> Result<Vec<u64>> {
     let size = (planned.lightmap.width as usize, planned.lightmap.height as usize);
     let place = |parts: &Parts| -> Result<Parts> {

@@ -7,8 +7,9 @@ use super::plan::{Parts, Planned};
 use super::raw::{LIGHT_BYTES, Raw};
 use super::{images, layout1, layout2};
 use crate::config::{Baked, Config, Group, Layout};
-use crate::console::{Console, count};
+use crate::console::count;
 use crate::files::NewFolder;
+use crate::observe::Observer;
 use crate::store::{MANIFEST, is_component};
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -38,7 +39,7 @@ pub enum Origin {
 ///
 /// # Errors
 /// For any fault of the source; then nothing is left behind.
-pub fn import(origin: &Origin, out: &Path, console: &Console) -> Result<Config> {
+pub fn import(origin: &Origin, out: &Path, console: &dyn Observer) -> Result<Config> {
     let scene = out.file_name().and_then(|name| name.to_str()).filter(|name| is_component(name));
     let scene = scene.ok_or_else(|| Error::invalid(out.display(), "expected the name of a new folder"))?;
     let folder = NewFolder::create(out)?;

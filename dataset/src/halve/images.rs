@@ -2,8 +2,9 @@
 
 use super::half::Half;
 use crate::config::{Config, FileRef};
-use crate::console::{Progress, stop_if_interrupted};
+use crate::console::stop_if_interrupted;
 use crate::image::write_exr;
+use crate::observe::Meter;
 use crate::store::{Dataset, Staged, Writer, refuse_light, stem_of};
 use crate::{Error, Result};
 use rayon::prelude::*;
@@ -18,7 +19,7 @@ pub(super) struct Job<'a> {
     pub dataset: &'a Dataset,
     pub page: usize,
     pub half: &'a Half,
-    pub progress: &'a Progress,
+    pub progress: &'a dyn Meter,
 }
 
 /// Whether frames are the sums of halved layers. Those of an imported dataset are so only about, and are

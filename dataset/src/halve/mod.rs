@@ -11,8 +11,9 @@ mod places;
 mod sunlight;
 
 use crate::config::{Config, FileRef, Page, SunVisibility, VERSION};
-use crate::console::{Console, Progress, stop_if_interrupted};
+use crate::console::stop_if_interrupted;
 use crate::files::NewFolder;
+use crate::observe::{Meter, Observer};
 use crate::store::{Dataset, MANIFEST, Writer, references, stem_of};
 use crate::{Error, Result};
 use half::Half;
@@ -31,7 +32,7 @@ const GLB: &str = "scene.glb";
 /// # Errors
 /// [`Error::Unsupported`] for a scene's transfer; [`Error::Invalid`] for a source that is invalid, or if
 /// `out` exists. Then nothing is left behind.
-pub fn halve(dataset: &Dataset, out: &Path, console: &Console) -> Result<Config> {
+pub fn halve(dataset: &Dataset, out: &Path, console: &dyn Observer) -> Result<Config> {
     expect_day(dataset)?;
     let folder = NewFolder::create(out)?;
     let progress = console.progress("halving", work(&dataset.config));
@@ -69,7 +70,7 @@ fn work(config: &Config) -> u64 {
 }
 
 /// Writes all files; gives the manifest that names them.
-fn write(dataset: &Dataset, writer: &mut Writer, root: &Path, progress: &Progress) -> Result<Config> {
+fn write(dataset: &Dataset, writer: &mut Writer, root: &Path, progress: &dyn Meter) -> Result<Config> {
     let source = &dataset.config;
     let mut config = source.clone();
     (config.version, config.inputs) = (VERSION, halved_inputs(source));

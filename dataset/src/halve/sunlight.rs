@@ -9,8 +9,9 @@
 use super::half::{Counted, Half};
 use crate::Result;
 use crate::config::{Config, FileRef};
-use crate::console::{Progress, stop_if_interrupted};
+use crate::console::stop_if_interrupted;
 use crate::normals::Normals;
+use crate::observe::Meter;
 use crate::store::{Dataset, Sunlight, Writer, stem_of};
 use crate::tiles::{Rect, TILE, grid, tiles};
 use crate::visibility::{Planes, to_bytes};
@@ -32,7 +33,7 @@ pub(super) fn write(
     page: usize,
     half: &Half,
     writer: &mut Writer,
-    progress: &Progress,
+    progress: &dyn Meter,
 ) -> Result<[Option<FileRef>; 2]> {
     let Some((files, sunlight)) = dataset.config.visibility.as_ref().zip(dataset.sunlight(page)?) else {
         return Ok([None, None]);

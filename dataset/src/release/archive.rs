@@ -4,7 +4,8 @@
 use super::MAX_TEXT_BYTES;
 use super::sums::Summed;
 use crate::config::FileRef;
-use crate::console::{Progress, stop_if_interrupted};
+use crate::console::stop_if_interrupted;
+use crate::observe::Meter;
 use crate::store::is_component;
 use crate::{Error, Result};
 use std::collections::BTreeMap;
@@ -46,14 +47,14 @@ impl Member {
 }
 
 /// Writes an archive; gives what it holds.
-pub(super) fn pack(out: &Path, members: &[Member], progress: &Progress) -> Result<Vec<FileRef>> {
+pub(super) fn pack(out: &Path, members: &[Member], progress: &dyn Meter) -> Result<Vec<FileRef>> {
     let file = File::create_new(out).map_err(Error::io(out))?;
     let files = pack_into(out, BufWriter::new(&file), members, progress)?;
     file.sync_all().map_err(Error::io(out))?;
     Ok(files)
 }
 
-fn pack_into(out: &Path, sink: impl Write, members: &[Member], progress: &Progress) -> Result<Vec<FileRef>> {
+fn pack_into(out: &Path, sink: impl Write, members: &[Member], progress: &dyn Meter) -> Result<Vec<FileRef>> {
     let mut encoder = zstd::Encoder::new(sink, LEVEL).map_err(Error::io(out))?;
     encoder.include_checksum(true).map_err(Error::io(out))?;
     let mut tar = tar::Builder::new(encoder);
@@ -106,7 +107,7 @@ struct Hashed<'a, R> {
     inner: R,
     hasher: blake3::Hasher,
     failed: bool,
-    progress: &'a Progress,
+    progress: &'a dyn Meter,
 }
 
 impl<R: Read> Read for Hashed<'_, R> {
@@ -135,7 +136,7 @@ pub(super) fn examine(
     path: &Path,
     listed: &[FileRef],
     keep: impl Fn(&str) -> bool,
-    progress: &Progress,
+    progress: &dyn Meter,
 ) -> Result<Examined> {
     let file = File::open(path).map_err(Error::io(path))?;
     let mut source = Summed::new(file, progress);

@@ -6,9 +6,10 @@ use super::datasheet::{Files, datasheet};
 use super::parts::{LAYERS, split, without_layers};
 use super::{Archive, FORMAT, MANIFEST, Manifest, READER, SUMS, Scene, VERSION, sums};
 use crate::config::Layout;
-use crate::console::{Console, Progress, stop_if_interrupted};
+use crate::console::stop_if_interrupted;
 use crate::exchange::export;
 use crate::files::{NewFolder, remove_folder, write_atomically, write_atomically_with};
+use crate::observe::{Meter, Observer};
 use crate::report::preview::pictures;
 use crate::store::{self, Dataset};
 use crate::{Error, Result};
@@ -48,7 +49,7 @@ pub fn release(
     layouts: &[Layout],
     cc0: bool,
     out: &Path,
-    console: &Console,
+    console: &dyn Observer,
 ) -> Result<Packaged> {
     let folder = NewFolder::create(out)?;
     let root = folder.temporary();
@@ -103,7 +104,7 @@ pub fn release(
 }
 
 /// The first fault of any, as an error.
-fn check(datasets: &[Dataset], console: &Console) -> Result<()> {
+fn check(datasets: &[Dataset], console: &dyn Observer) -> Result<()> {
     let steps: usize = datasets.iter().map(Dataset::verify_steps).sum();
     let progress = console.progress("checking", steps as u64);
     for dataset in datasets {
@@ -126,7 +127,7 @@ struct Plan {
 }
 
 impl Plan {
-    fn of(dataset: &Dataset, layouts: &[Layout], root: &Path, console: &Console) -> Result<Self> {
+    fn of(dataset: &Dataset, layouts: &[Layout], root: &Path, console: &dyn Observer) -> Result<Self> {
         let (config, scene) = (&dataset.config, &dataset.config.scene);
         let place = dataset.root.join(store::MANIFEST);
         let own = fs::read(&place).map_err(Error::io(&place))?;
@@ -171,7 +172,7 @@ impl Plan {
         dataset: &Dataset,
         cc0: bool,
         root: &Path,
-        progress: &Progress,
+        progress: &dyn Meter,
     ) -> Result<(Scene, Vec<String>)> {
         let config = &dataset.config;
         let scene = &config.scene;
@@ -287,7 +288,7 @@ fn expect_free(root: &Path, name: &str) -> Result<()> {
 }
 
 /// Writes the list of checksums; gives the lengths of all files, its own among them.
-fn write_sums(root: &Path, console: &Console) -> Result<Vec<u64>> {
+fn write_sums(root: &Path, console: &dyn Observer) -> Result<Vec<u64>> {
     let mut names = Vec::new();
     for entry in fs::read_dir(root).map_err(Error::io(root))? {
         let name = entry.map_err(Error::io(root))?.file_name();

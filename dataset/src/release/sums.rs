@@ -1,6 +1,7 @@
 //! SHA-256 of files, and the list of them.
 
-use crate::console::{Progress, stop_if_interrupted};
+use crate::console::stop_if_interrupted;
+use crate::observe::Meter;
 use crate::store::is_component;
 use crate::{Error, Result};
 use sha2::{Digest, Sha256};
@@ -13,11 +14,11 @@ use std::path::Path;
 pub(super) struct Summed<'a, R> {
     pub inner: R,
     hasher: Sha256,
-    progress: &'a Progress,
+    progress: &'a dyn Meter,
 }
 
 impl<'a, R: Read> Summed<'a, R> {
-    pub fn new(inner: R, progress: &'a Progress) -> Self {
+    pub fn new(inner: R, progress: &'a dyn Meter) -> Self {
         Summed { inner, hasher: Sha256::new(), progress }
     }
 
@@ -39,7 +40,7 @@ impl<R: Read> Read for Summed<'_, R> {
 }
 
 /// The SHA-256 of a file, in hexadecimal.
-pub(super) fn sha256(path: &Path, progress: &Progress) -> Result<String> {
+pub(super) fn sha256(path: &Path, progress: &dyn Meter) -> Result<String> {
     let file = File::open(path).map_err(Error::io(path))?;
     let sum = Summed::new(file, progress).finish();
     stop_if_interrupted()?;

@@ -5,7 +5,7 @@ use super::bundle::expect_light;
 use super::parts::LAYERS;
 use super::{FORMAT, MANIFEST, MAX_TEXT_BYTES, Manifest, SUMS, Scene, VERSION, sums};
 use crate::config::FileRef;
-use crate::console::{Console, Progress};
+use crate::observe::{Meter, Observer};
 use crate::store::{self, is_component, json_error, parse_config};
 use crate::{Error, Result};
 use rayon::prelude::*;
@@ -32,7 +32,7 @@ pub struct Verified {
 ///
 /// # Errors
 /// `Interrupted`, or where the folder cannot be read at all. Everything else is a fault.
-pub fn verify(folder: &Path, console: &Console) -> Result<Verified> {
+pub fn verify(folder: &Path, console: &dyn Observer) -> Result<Verified> {
     let mut verified = Verified::default();
     let place = folder.join(SUMS);
     let listed = match text(&place).and_then(|bytes| {
@@ -98,7 +98,7 @@ fn look(
     folder: &Path,
     name: &str,
     archives: &BTreeMap<&str, &[FileRef]>,
-    progress: &Progress,
+    progress: &dyn Meter,
 ) -> Result<Examined> {
     let path = folder.join(name);
     let Some(files) = archives.get(name) else {

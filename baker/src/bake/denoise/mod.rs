@@ -22,7 +22,8 @@ use super::options::Denoised;
 use super::value::{Filtered, Value};
 use crate::trace::counts::RayCounts;
 use crate::{Result, Rgb};
-use dataset::console::{Console, stop_if_interrupted};
+use dataset::console::stop_if_interrupted;
+use dataset::observe::Observer;
 use kernels::{ERROR_RADIUS, FILTERS, Kernel};
 use mix::{Around, ErrorMatrix, Halves, apply_mixtures, halves};
 use places::{Nearby, Neighbour, Places, REACH};
@@ -68,7 +69,7 @@ impl Denoiser {
         layers: &Layers,
         digests: &[String],
         (texels, valid): (&[Texel], &[bool]),
-        console: &Console,
+        console: &dyn Observer,
     ) -> Result<Vec<Option<FilteredLayer>>> {
         let start = Instant::now();
         let mut hash = blake3::Hasher::new();
@@ -110,7 +111,7 @@ fn run(
     texels: &[Texel],
     valid: &(dyn Fn(usize) -> bool + Sync),
     filtered: &[FilteredLayer],
-    console: &Console,
+    console: &dyn Observer,
 ) -> Result<RayCounts> {
     let mut blocks = Vec::new();
     let mut next = 0;

@@ -21,8 +21,9 @@ use crate::trace::path::sun_sample;
 use crate::trace::sampler::{Kind, Sequence};
 use crate::trace::watcher::Watcher;
 use crate::{Error, Result, Rgb};
-use dataset::console::{Console, stop_if_interrupted};
+use dataset::console::stop_if_interrupted;
 use dataset::normals::Normals;
+use dataset::observe::Observer;
 use dataset::tiles::{Rect, TILE, tiles};
 use dataset::visibility;
 use glam::Vec3;
@@ -121,7 +122,7 @@ impl<'a> Finder<'a> {
     /// [`Error::Io`], and [`Error::Interrupted`]: finished tiles are kept.
     pub fn pages(
         &self,
-        console: &Console,
+        console: &dyn Observer,
         mut each: impl FnMut(usize, Page) -> Result<()>,
     ) -> Result<RayCounts> {
         let atlas = self.worker.atlas;

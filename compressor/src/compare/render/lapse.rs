@@ -4,8 +4,9 @@ use super::pages::Pages;
 use super::times::is_baked;
 use super::{lit, with_texels};
 use crate::{Error, Result};
-use dataset::console::{Progress, stop_if_interrupted};
+use dataset::console::stop_if_interrupted;
 use dataset::image::Image;
+use dataset::observe::Meter;
 use dataset::store::Dataset;
 use dataset::view::View;
 use serde::Serialize;
@@ -58,7 +59,7 @@ pub(super) fn hours(dataset: &Dataset) -> Result<Vec<f64>> {
 }
 
 impl Lapse {
-    pub fn new(dataset: &Dataset, pages: &Pages, hours: Vec<f64>, progress: &Progress) -> Result<Self> {
+    pub fn new(dataset: &Dataset, pages: &Pages, hours: Vec<f64>, progress: &dyn Meter) -> Result<Self> {
         let view = View::each(dataset, SIZE, 1)?.into_iter().next();
         let view = view.ok_or_else(|| {
             Error::invalid(dataset.root.display(), "no pixel of a small picture shows texels; omit --render")

@@ -5,6 +5,7 @@ use super::super::table::Row;
 use super::super::{Effort, Options};
 use super::*;
 use dataset::config::{Baked, Config, FORMAT, Frame, Group, Page, VERSION};
+use dataset::observe::Silent;
 use dataset::store::Writer;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -126,7 +127,7 @@ fn exact_light_is_met_and_a_wrong_one_is_seen() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = write(folder.path(), Some(&floor()), cameras());
     let set = TileSet::load(&dataset, &options()).unwrap();
-    let mut stage = Stage::new(&dataset, &set, &Console::silent()).unwrap();
+    let mut stage = Stage::new(&dataset, &set, &Silent).unwrap();
     let row = |method: &str| Row::bare("test", method, 0.5, None);
     stage.show(&row("NDGI M"), &way(&set, |_, v| v)).unwrap();
     // Wrong at noon alone.
@@ -196,9 +197,9 @@ fn without_cameras_there_is_a_lookout_and_without_geometry_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = write(&folder.path().join("a"), Some(&floor()), json!([]));
     let set = TileSet::load(&dataset, &options()).unwrap();
-    let stage = Stage::new(&dataset, &set, &Console::silent()).unwrap();
+    let stage = Stage::new(&dataset, &set, &Silent).unwrap();
     assert_eq!(stage.reported.cameras, ["default"]);
     let dataset = write(&folder.path().join("b"), None, cameras());
-    let error = Stage::new(&dataset, &set, &Console::silent()).err().unwrap().to_string();
+    let error = Stage::new(&dataset, &set, &Silent).err().unwrap().to_string();
     assert!(error.contains("no geometry file") && error.contains("--render"), "{error}");
 }

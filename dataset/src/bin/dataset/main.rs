@@ -9,6 +9,7 @@ use clap::{Parser, Subcommand};
 use dataset::config::{Config, Daylight, Layer};
 use dataset::console::{Console, ConsoleArgs, catch_interrupts, count, fail};
 use dataset::exchange::lightmaps_of;
+use dataset::observe::Meter;
 use dataset::store::{Dataset, Verification};
 use dataset::visibility::Visibility;
 use dataset::{Error, Result};
