@@ -16,7 +16,7 @@ mod peer;
 use baker::atlas::owners::Owners;
 use baker::bake::assemble::Assembler;
 use baker::bake::denoise::{Denoiser, METHOD};
-use baker::bake::folder;
+use baker::bake::output;
 use baker::bake::layers::{Layers, Part};
 use baker::bake::local::Places;
 use baker::bake::run::{Denoise, Options, Prepared, Preset, prepare, with_worker};
@@ -47,7 +47,7 @@ fn main() {
         (prepare(Path::new(scene), &options, &Console::silent()).unwrap(), Layers::new(Path::new(out)))
     };
     let (ours, layers) = prepared(scene, out);
-    let _lock = folder::lock(Path::new(out)).expect("nobody else writes there");
+    let _lock = output::lock(Path::new(out)).expect("nobody else writes there");
     let (theirs, reference_layers) = prepared(reference_scene, reference_out);
     let (atlas, _) = ours.atlas().unwrap();
     let texels = layers.texels(&ours.base()).expect("the dataset's layers");

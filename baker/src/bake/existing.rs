@@ -1,10 +1,10 @@
 //! What stands where a bake will write: whether it is this very bake, else what of it would be lost, told
 //! before any ray is traced.
 
-use super::folder;
 use super::kept;
 use super::layers::{self, Layers};
 use super::options::{Options, Outcome};
+use super::output;
 use super::prepare::Prepared;
 use super::scene_glb::NAME as GLB;
 use super::work::WorkFolder;
@@ -13,6 +13,7 @@ use crate::trace::counts::RayCounts;
 use crate::{Error, Result};
 use dataset::config::{Config, FileRef, VERSION};
 use dataset::console::count;
+use dataset::files::{remove_stale_temporaries, sync_folder_of};
 use dataset::observe::{Observer, Silent};
 use dataset::store::{self, Dataset, Writer};
 use std::collections::BTreeSet;
@@ -45,12 +46,15 @@ pub fn up_to_date(out: &Path, inputs: &str, options: &Options, start: Instant) -
     Some(Outcome { dataset: out.to_owned(), up_to_date: true, seconds, rays: RayCounts::default(), ..run })
 }
 
-/// Writes cameras into a manifest that has others: they are no part of a bake, and reports show the scene by
-/// them.
+/// Brings a finished bake's folder up to date: removes what a run left that was killed while it wrote its
+/// report, and writes cameras into a manifest that has others. (They are no part of a bake, and reports show
+/// the scene by them.)
 ///
 /// # Errors
 /// A dataset that cannot be written.
-pub fn keep_cameras(out: &Path, settings: &serde_json::Value) -> Result<()> {
+pub fn refresh(out: &Path, settings: &serde_json::Value) -> Result<()> {
+    remove_stale_temporaries(out)?;
+    sync_folder_of(&out.join(RUN));
     let mut config = Dataset::open(out)?.config;
     let of = |settings: &serde_json::Value| settings["cameras"].as_array().cloned().unwrap_or_default();
     // Through text, as the manifest went: reading a number back may round it.
@@ -59,7 +63,7 @@ pub fn keep_cameras(out: &Path, settings: &serde_json::Value) -> Result<()> {
     if of(&config.settings) == new || !config.settings.is_object() {
         return Ok(());
     }
-    let _lock = folder::lock(out)?;
+    let _lock = output::lock(out)?;
     config.settings["cameras"] = new.into();
     Writer::create(out)?.commit(&config)
 }
@@ -173,7 +177,7 @@ pub fn replacement_note(prepared: &Prepared, options: &Options) -> Result<Option
     let out = prepared.out(options);
     let refused = |error: Error| format!("this bake would be refused: {error}");
     let reads = prepared.scene.objects.iter().map(|object| object.file.as_path());
-    if let Err(error) = folder::expect_free(&out).and_then(|()| refuse_foreign(&out, reads)) {
+    if let Err(error) = output::expect_free(&out).and_then(|()| refuse_foreign(&out, reads)) {
         return Ok(Some(refused(error)));
     }
     let (_, inputs) = prepared.manifest(options)?;
@@ -254,7 +258,7 @@ fn other_file(out: &Path, existing: &Config, prepared: &Prepared) -> Option<Stri
 /// The scene file's path from the dataset's folder: it holds where both are moved or copied together.
 pub fn scene_file_from(out: &Path, prepared: &Prepared) -> Option<PathBuf> {
     let (out, scene) = (out.canonicalize().ok()?, prepared.scene_file.canonicalize().ok()?);
-    Some(folder::relative_to(&out, &scene))
+    Some(output::relative_to(&out, &scene))
 }
 
 /// The names of the geometry files that a dataset was baked from.

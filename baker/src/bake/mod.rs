@@ -45,7 +45,7 @@ pub mod views;
 pub mod forecast;
 pub mod disk_space;
 pub mod layout_estimate;
-pub mod folder;
+pub mod output;
 pub mod existing;
 pub mod facts;
 pub mod run;

@@ -3,20 +3,20 @@
 use super::assemble::{Assembler, BakedParts, Stored};
 use super::block::Worker;
 use super::charts::Charts;
-use super::check::{Check, Chosen, check, choose};
+use super::check::{Check, check, choose};
 use super::denoise::Denoiser;
 use super::disk_space::DiskSpace;
 use super::endless;
 use super::errors::median;
 use super::existing::{self, ERRORS, RUN};
 use super::facts;
-use super::folder;
 use super::forecast::{extent, scale};
 use super::json;
 use super::kept;
-use super::layers::{Layers, Texel};
+use super::layers::{FilteredLayer, Layers, Texel};
 use super::layout_estimate::LayoutEstimate;
 use super::local::Places;
+use super::output::OutputFolder;
 use super::rounds::{Traced, certain};
 use super::state::Kinds;
 use super::target;
@@ -25,6 +25,7 @@ use super::valid::ValidTexels;
 use super::views;
 use super::visibility::Finder;
 use super::work::WorkFolder;
+use crate::Result;
 use crate::atlas::Atlas;
 use crate::atlas::owners::Owners;
 use crate::light::curves;
@@ -32,13 +33,12 @@ use crate::scene::{Baked, Scene};
 use crate::surface::FaceBins;
 use crate::trace::counts::RayCounts;
 use crate::trace::path::Transport;
-use crate::{Error, Result};
 use dataset::config::{
     Config, Daylight, FORMAT, FileRef, Group, Instance, Layer, Light, SunVisibility, VERSION,
 };
 use dataset::console::count;
 use dataset::curve::Curve;
-use dataset::files::{remove_stale_temporaries, sync_folder_of, write_atomically};
+use dataset::files::write_atomically;
 use dataset::observe::Observer;
 use dataset::store::Writer;
 use dataset::tiles::TILE;
@@ -57,21 +57,97 @@ pub use super::prepare::{Prepared, prepare};
 pub fn bake(scene_file: &Path, options: &Options, console: &dyn Observer) -> Result<Outcome> {
     let start = Instant::now();
     let prepared = prepare(scene_file, options, console)?;
-    let Prepared { scene, geometry, plan, limits, digests, .. } = &prepared;
-    let out = prepared.out(options);
     let (settings, inputs) = prepared.manifest(options)?;
-    let layers = Layers::new(&out);
+    let out = prepared.out(options);
     if let Some(outcome) = existing::up_to_date(&out, &inputs, options, start) {
-        // (Of a run that was killed while it wrote its report.)
-        remove_stale_temporaries(&out)?;
-        sync_folder_of(&out.join(RUN));
-        existing::keep_cameras(&out, &settings)?;
+        existing::refresh(&out, &settings)?;
         return Ok(outcome);
     }
-    existing::refuse_foreign(&out, scene.objects.iter().map(|object| object.file.as_path()))?;
-    folder::create(&out)?;
-    let _lock = folder::lock(&out)?;
-    existing::refuse_less(&out, &prepared, options, console)?;
+    let output = OutputFolder::take(&out, &prepared, options, console)?;
+    let (layout, charts) = unwrap(&prepared, &output, options, console)?;
+    let mut writer = output.begin(&DiskSpace::left(&prepared, &layout, &out, options), options, charts)?;
+    let (atlas, mut rays) = (layout.atlas, layout.rays);
+    let (places, looks) = with_worker(&prepared, &atlas, &[], |worker| Places::find(&worker, console))?;
+    rays += looks;
+
+    let run = Run { prepared: &prepared, atlas: &atlas, places: &places, output: &output, console };
+    let mut denoiser = prepared.denoise.map(Denoiser::new);
+    let (traced, origin, dropped) = run.provide_layers(&mut denoiser)?;
+    let (assembler, filtered) = run.assembler(&mut denoiser)?;
+    let check = options.check.map(|samples| run.check(&assembler, samples)).transpose()?;
+
+    let mut stored = store(&prepared, &assembler, &mut writer, console)?;
+    let sun = run.sunlight(&mut writer)?;
+    let geometry = super::scene_glb::to_glb(&prepared.geometry, &atlas)?;
+    let glb = writer.add("scene", "glb", &geometry.glb)?;
+    writer.alias(&glb, super::scene_glb::NAME);
+    let local = local_errors(&prepared, &stored, &traced);
+    let picture = places.grid().picture(stored.worst.as_ref().map(|worst| &worst.errors[..]));
+    write_atomically(&out.join(ERRORS), &picture)?;
+    let mut relative = stored.errors.relative(prepared.plan.layers() > 0);
+    relative.sort_by(f64::total_cmp);
+    let mut facts = facts::of_bake(&prepared.geometry, &atlas, &prepared.plan, &stored, &traced, origin);
+    facts.extend(sun.fact());
+    let mut warnings = [prepared.warnings.clone(), atlas.warnings.clone(), dropped].concat();
+    let of_stored = facts::mostly_invalid(&prepared.plan, &stored);
+    for warning in of_stored.into_iter().chain(facts::lightless(&prepared.scene, &prepared.plan, &stored)) {
+        console.warn(&warning);
+        warnings.push(warning);
+    }
+
+    let texels = stored.valid_texels;
+    let mut config = manifest(&prepared, geometry.places, &traced, &mut stored, glb, &inputs, settings);
+    (config.sun_path, config.visibility) = (sun.path, sun.visibility);
+    writer.commit(&config)?;
+    let discarded =
+        output.layers.keep_only(&prepared.base(), &prepared.digests, &filtered, sun.kept.as_deref());
+    if discarded > 0 {
+        console.say(format!("discarding layers that this bake does not use: {}", count(discarded, "layer")));
+    }
+    output.end();
+
+    let samples = traced.samples().unwrap_or(prepared.limits.samples);
+    // (Of a bake whose layers were all kept, the rays that were traced then.)
+    rays = if origin.traced > 0 { traced.rays + rays } else { traced.rays };
+    let outcome = Outcome {
+        scene: prepared.scene.name.clone(),
+        scene_file: existing::scene_file_from(&out, &prepared),
+        dataset: out,
+        inputs,
+        up_to_date: false,
+        integrator: if traced.is_unsettled { Integrator::Path } else { prepared.integrator },
+        size: [atlas.width, atlas.page_height],
+        pages: atlas.pages,
+        frames: prepared.plan.times.len(),
+        hours: prepared.plan.times.iter().map(|time| time.hour).collect(),
+        texels,
+        samples,
+        mean_samples: traced.rounds.last().map_or(f64::from(samples), |round| round.mean_samples),
+        layers: origin,
+        relative_error: median(&relative),
+        local,
+        denoised: denoiser.as_ref().and_then(|denoiser| denoiser.outcome(&filtered)),
+        out_of_time: traced.out_of_time,
+        seconds: start.elapsed().as_secs_f64(),
+        rays: sun.rays + denoiser.map_or(RayCounts::default(), |denoiser| denoiser.rays) + rays,
+        facts,
+        rounds: traced.rounds,
+        check,
+        skipped: prepared.plan.skipped,
+        warnings,
+    };
+    write_atomically(&outcome.dataset.join(RUN), &json::bytes(&outcome, RUN)?)?;
+    Ok(outcome)
+}
+
+/// Unwraps the geometry, or takes the charts that an earlier bake kept; says what came of it.
+fn unwrap(
+    prepared: &Prepared,
+    output: &OutputFolder,
+    options: &Options,
+    console: &dyn Observer,
+) -> Result<(LayoutEstimate, Charts)> {
+    let Prepared { scene, geometry, plan, .. } = prepared;
     console.say(format!(
         "{}: {}, {}, {}",
         scene.name,
@@ -79,153 +155,56 @@ pub fn bake(scene_file: &Path, options: &Options, console: &dyn Observer) -> Res
         count(plan.times.len(), "frame"),
         count(plan.layers(), "layer")
     ));
-
-    let charts = if options.force { Charts::none() } else { Charts::beside(&out) };
-    let (atlas, looking) = {
+    let charts = if options.force { Charts::none() } else { Charts::beside(output.root()) };
+    let (atlas, rays) = {
         let progress = console.progress("unwrapping", 1);
-        let atlas = prepared.atlas_from(&charts).inspect_err(|_| folder::leave(&out))?;
+        let unwrapped = prepared.atlas_from(&charts)?;
         progress.advance(1);
-        atlas
+        unwrapped
     };
     console.say(format!("  {}", scale(extent(&geometry.positions), atlas.texels_per_metre)));
-    facts::unwrapped(charts.counts()).into_iter().for_each(|what| console.say(format!("  {what}")));
-    facts::skipped(&atlas).into_iter().for_each(|what| console.say(format!("  {what}")));
+    let notes = facts::unwrapped(charts.counts()).into_iter().chain(facts::skipped(&atlas));
+    notes.for_each(|note| console.say(format!("  {note}")));
     if !scene.cameras.is_empty() {
-        let rays = prepared.rays()?;
-        let views = views::views(&scene.cameras, geometry, &atlas, TILE, &rays);
-        let what = views::in_words(&views, views::lit_tiles(&atlas, TILE));
-        what.into_iter().for_each(|what| console.say(format!("  {what}")));
+        let views = views::views(&scene.cameras, geometry, &atlas, TILE, &prepared.rays()?);
+        let notes = views::in_words(&views, views::lit_tiles(&atlas, TILE));
+        notes.into_iter().for_each(|note| console.say(format!("  {note}")));
     }
-    atlas.warnings.iter().for_each(|w| console.warn(w));
-    let layout = LayoutEstimate::exact(atlas, looking);
-    let disk = DiskSpace::left(&prepared, &layout, &out, options);
-    let atlas = layout.atlas;
-    disk.expect_space(&out, (options.free_bytes)(&out)).inspect_err(|_| folder::leave(&out))?;
-    folder::begin(&out)?;
-    let mut writer = Writer::create(&out)?;
-    if options.force {
-        WorkFolder::clear(&out)?;
-        layers.clear()?;
-    }
-    layers.settle()?;
-    // (Nothing but time is lost where charts cannot be kept.)
-    if layers.create().is_ok() {
-        charts.keep(&out);
-    }
-    let (places, looks) = with_worker(&prepared, &atlas, &[], |worker| Places::find(&worker, console))?;
-    let run =
-        Run { prepared: &prepared, atlas: &atlas, places: &places, out: &out, layers: &layers, console };
-    let mut denoiser = prepared.denoise.map(Denoiser::new);
-    let (traced, origin, dropped) = run.provide_layers(&mut denoiser)?;
-    let base = prepared.base();
-    let Some(texels) = layers.texels(&base) else {
-        return Err(Error::invalid(
-            out.display(),
-            "the layers just traced cannot be read: was the folder changed?",
-        ));
-    };
+    atlas.warnings.iter().for_each(|warning| console.warn(warning));
+    Ok((LayoutEstimate::exact(atlas, rays), charts))
+}
 
-    let padding = scene.lightmap.padding;
-    let assembler = Assembler::new(plan, geometry, &atlas, (&layers, digests), texels, &places, padding)?;
-    let filtered = match &mut denoiser {
-        Some(denoiser) => with_worker(&prepared, &atlas, &[], |worker| {
-            let texels = assembler.texels();
-            let valid: Vec<bool> = (0..texels.len()).map(|place| assembler.is_valid(place)).collect();
-            denoiser.denoise(&worker, &layers, digests, (texels, &valid), console)
-        })?,
-        None => vec![None; digests.len()],
-    };
-    let assembler = assembler.with_filtered(filtered.clone());
-    let check = options.check.map(|samples| {
-        let chosen = choose(assembler.valid_texels(), scene.bake.seed);
-        check_layers(&prepared, &atlas, &assembler, &chosen, samples, console)
-    });
-    let check = check.transpose()?;
-    let progress = console.progress("writing", (plan.groups.len() + plan.times.len()) as u64);
+/// Writes all images, and the curves of light between frames.
+fn store(
+    prepared: &Prepared,
+    assembler: &Assembler,
+    writer: &mut Writer,
+    console: &dyn Observer,
+) -> Result<Stored> {
+    let Prepared { scene, plan, .. } = prepared;
     let baked = BakedParts {
         sun: if scene.sun.is_some() { scene.sun_baked } else { Baked::None },
         sky: if scene.sky.is_some() { scene.sky_baked } else { Baked::None },
         groups: scene.groups.iter().map(|group| group.baked).collect(),
     };
-    let mut stored = assembler.store(&mut writer, &baked, || progress.advance(1))?;
-    drop(progress);
+    let progress = console.progress("writing", (plan.groups.len() + plan.times.len()) as u64);
+    let mut stored = assembler.store(writer, &baked, || progress.advance(1))?;
     if stored.frames.len() > 1 {
-        add_curves(scene, &mut stored.daylight, &mut writer)?;
+        add_curves(scene, &mut stored.daylight, writer)?;
     }
-    let sun = sunlight(&prepared, &atlas, &layers, &base, &mut writer, console)?;
-    let written = super::scene_glb::to_glb(geometry, &atlas)?;
-    let glb = writer.add("scene", "glb", &written.glb)?;
-    writer.alias(&glb, super::scene_glb::NAME);
-    let mut facts = facts::of_bake(geometry, &atlas, plan, &stored, &traced, origin);
-    facts.extend(sun.fact());
-    let mut warnings = [prepared.warnings.clone(), atlas.warnings.clone(), dropped].concat();
-    for warning in
-        facts::mostly_invalid(plan, &stored).into_iter().chain(facts::lightless(scene, plan, &stored))
-    {
-        console.warn(&warning);
-        warnings.push(warning);
-    }
-    let valid_texels = stored.valid_texels;
-    let local = LocalErrors {
+    Ok(stored)
+}
+
+/// The local errors of what was stored, with advice.
+fn local_errors(prepared: &Prepared, stored: &Stored, traced: &Traced) -> LocalErrors {
+    let samples = traced.samples().unwrap_or(prepared.limits.samples);
+    let is_settled = prepared.denoise.is_some() || prepared.transfer.is_some();
+    LocalErrors {
         all: stored.local.0,
         frames: stored.local.1.clone(),
         worst_frame: stored.worst.as_ref().map(|worst| worst.frame),
-        advice: facts::advice(
-            scene,
-            plan,
-            &stored,
-            traced.samples().unwrap_or(limits.samples),
-            prepared.denoise.is_some() || prepared.transfer.is_some(),
-        ),
-    };
-    write_atomically(
-        &out.join(ERRORS),
-        &places.grid().picture(stored.worst.as_ref().map(|w| &w.errors[..])),
-    )?;
-    let mut relative = stored.errors.relative(plan.layers() > 0);
-    relative.sort_by(f64::total_cmp);
-    let last = traced.rounds.last();
-    let mut config = manifest(&prepared, written.places, &traced, stored, glb, &inputs, settings);
-    (config.sun_path, config.visibility) = (sun.path, sun.visibility);
-    writer.commit(&config)?;
-    let discarded = layers.keep_only(&base, digests, &filtered, sun.kept.as_deref());
-    if discarded > 0 {
-        console.say(format!("discarding layers that this bake does not use: {}", count(discarded, "layer")));
+        advice: facts::advice(&prepared.scene, &prepared.plan, stored, samples, is_settled),
     }
-
-    folder::end(&out);
-
-    let outcome = Outcome {
-        scene: scene.name.clone(),
-        dataset: out.clone(),
-        scene_file: existing::scene_file_from(&out, &prepared),
-        inputs,
-        up_to_date: false,
-        integrator: if traced.is_unsettled { Integrator::Path } else { prepared.integrator },
-        size: [atlas.width, atlas.page_height],
-        pages: atlas.pages,
-        frames: plan.times.len(),
-        hours: plan.times.iter().map(|m| m.hour).collect(),
-        texels: valid_texels,
-        samples: traced.samples().unwrap_or(limits.samples),
-        mean_samples: last.map_or(f64::from(limits.samples), |r| r.mean_samples),
-        layers: origin,
-        relative_error: median(&relative),
-        local,
-        denoised: denoiser.as_ref().and_then(|denoiser| denoiser.outcome(&filtered)),
-        out_of_time: traced.out_of_time,
-        seconds: start.elapsed().as_secs_f64(),
-        rays: sun.rays
-            + denoiser.as_ref().map_or(RayCounts::default(), |denoiser| denoiser.rays)
-            + if origin.traced > 0 { traced.rays + looking + looks } else { traced.rays },
-        facts,
-        rounds: traced.rounds,
-        check,
-        skipped: prepared.plan.skipped,
-        warnings,
-    };
-    write_atomically(&out.join(RUN), &json::bytes(&outcome, RUN)?)?;
-    Ok(outcome)
 }
 
 /// Writes how light of sun and sky goes between frames, and names it in their layers. (The sun's direct light
@@ -249,7 +228,7 @@ fn manifest(
     prepared: &Prepared,
     places: Vec<Instance>,
     traced: &Traced,
-    stored: Stored,
+    stored: &mut Stored,
     geometry_file: FileRef,
     inputs: &str,
     settings: serde_json::Value,
@@ -257,14 +236,16 @@ fn manifest(
     let Prepared { scene, .. } = prepared;
     // A group that is left to the game switches nothing here.
     let is_baked = |group: usize| scene.groups[group].baked != Baked::None;
-    let mut frames = stored.frames;
+    let mut frames = std::mem::take(&mut stored.frames);
     for frame in &mut frames {
         let groups_on = frame.groups_on.iter().enumerate().filter(|(group, _)| is_baked(*group));
         frame.groups_on = groups_on.map(|(_, on)| *on).collect();
     }
-    let mut layers = stored.daylight;
+    let mut layers = std::mem::take(&mut stored.daylight);
     let mut groups = Vec::new();
-    for (group, shares) in scene.groups.iter().zip(stored.groups).filter(|(of, _)| of.baked != Baked::None) {
+    for (group, shares) in
+        scene.groups.iter().zip(std::mem::take(&mut stored.groups)).filter(|(of, _)| of.baked != Baked::None)
+    {
         let index = Some(groups.len() as u32);
         let layer =
             |(part, row)| Layer { light: Light::Group, group: index, part, files: vec![row], curve: None };
@@ -281,13 +262,13 @@ fn manifest(
         seed: scene.bake.seed,
         inputs: inputs.to_owned(),
         samples: traced.samples().unwrap_or(prepared.limits.samples),
-        pages: stored.pages,
+        pages: std::mem::take(&mut stored.pages),
         sun: daylight(scene.sun.is_some(), scene.sun_baked),
         sky: daylight(scene.sky.is_some(), scene.sky_baked),
         groups,
         layers,
         frames,
-        noise: Some(stored.noise),
+        noise: Some(stored.noise.clone()),
         geometry: Some(geometry_file),
         instances: places,
         settings,
@@ -329,46 +310,12 @@ impl Sunlight {
     }
 }
 
-/// Writes the sun's path and finds its visibility, as far as they are asked for. `base`: the digest of the
-/// texels.
-fn sunlight(
-    prepared: &Prepared,
-    atlas: &Atlas,
-    layers: &Layers,
-    base: &str,
-    writer: &mut Writer,
-    console: &dyn Observer,
-) -> Result<Sunlight> {
-    let mut sunlight = Sunlight::default();
-    if let Some(path) = prepared.sun_path() {
-        sunlight.path = Some(writer.add("sun", "json", &path.to_json())?);
-    }
-    let Some(course) = &prepared.course else { return Ok(sunlight) };
-    let texels = layers.texels(base).ok_or_else(|| {
-        Error::invalid(layers.root().display(), "the texels cannot be read: was the folder changed?")
-    })?;
-    with_worker(prepared, atlas, &[], |worker| {
-        let finder = Finder::new(prepared, &worker, layers, &texels, course)?;
-        let (mut files, mut normals) = (Vec::new(), Vec::new());
-        sunlight.rays = finder.pages(console, |number, page| {
-            files.push(writer.add(&format!("visibility-{number}"), "vis", &page.visibility)?);
-            normals.push(writer.add(&format!("normals-{number}"), "png", &page.normals.to_png())?);
-            Ok(())
-        })?;
-        sunlight.visibility = Some(SunVisibility { minutes: course.minutes, files, normals });
-        sunlight.times = course.hours.len();
-        sunlight.kept = Some(finder.folder().to_owned());
-        Ok(sunlight)
-    })
-}
-
 /// A run, and where it works.
 struct Run<'a> {
     prepared: &'a Prepared,
     atlas: &'a Atlas,
     places: &'a Places,
-    out: &'a Path,
-    layers: &'a Layers,
+    output: &'a OutputFolder,
     console: &'a dyn Observer,
 }
 
@@ -376,8 +323,8 @@ impl Run<'_> {
     /// Traces the layers that no earlier bake left, and keeps them; towards a target also those that were
     /// left, where they miss it by this light. Warnings, too.
     fn provide_layers(&self, denoiser: &mut Option<Denoiser>) -> Result<(Traced, LayerCount, Vec<String>)> {
-        let Run { prepared, layers, console, .. } = *self;
-        let Prepared { plan, digests, .. } = prepared;
+        let Run { prepared, console, .. } = *self;
+        let (Prepared { plan, digests, .. }, layers) = (prepared, &self.output.layers);
         let base = prepared.base();
         let missing = kept::missing(plan, layers, &base, digests);
         if missing.len() < digests.len() {
@@ -452,8 +399,8 @@ impl Run<'_> {
     /// Traces some layers (ascending) and keeps them; if there are none to trace, gives the account of those
     /// that are kept. Warnings, too.
     fn trace(&self, chosen: &[usize], denoiser: &mut Option<Denoiser>) -> Result<(Traced, Vec<String>)> {
-        let Run { prepared, atlas, places, out, layers, console } = *self;
-        let Prepared { plan, digests, .. } = prepared;
+        let Run { prepared, atlas, places, output, console } = *self;
+        let (Prepared { plan, digests, .. }, layers, out) = (prepared, &output.layers, output.root());
         let base = prepared.base();
         let work = prepared.work(chosen);
         WorkFolder::remove_finished(out, &work, |digest| layers.holds(digest));
@@ -495,25 +442,65 @@ impl Run<'_> {
         })?;
         Ok((traced, warnings))
     }
-}
 
-/// Checks all layers at these texels, however they came to be.
-fn check_layers(
-    prepared: &Prepared,
-    atlas: &Atlas,
-    assembler: &Assembler,
-    chosen: &[Chosen],
-    samples: u32,
-    console: &dyn Observer,
-) -> Result<Check> {
-    let all: Vec<usize> = (0..prepared.plan.layers()).collect();
-    // Of every layer these texels alone: all of all layers may be more than memory holds.
-    let places: Vec<usize> = chosen.iter().map(|texel| texel.place).collect();
-    let held = |&layer: &usize| assembler.held_at(layer, &places);
-    let values = all.iter().map(held).collect::<Result<Vec<_>>>()?;
-    with_worker(prepared, atlas, &all, |worker| {
-        check(&worker, chosen, &values, &prepared.frames(&all), samples, console)
-    })
+    /// The layers, denoised where that is asked for, ready to be put together; and what filters left of each.
+    fn assembler(
+        &self,
+        denoiser: &mut Option<Denoiser>,
+    ) -> Result<(Assembler<'_>, Vec<Option<FilteredLayer>>)> {
+        let Run { prepared, atlas, places, output, console } = *self;
+        let Prepared { scene, geometry, plan, digests, .. } = prepared;
+        let (layers, padding) = (&output.layers, scene.lightmap.padding);
+        let texels = output.texels(&prepared.base())?;
+        let assembler = Assembler::new(plan, geometry, atlas, (layers, digests), texels, places, padding)?;
+        let filtered = match denoiser {
+            Some(denoiser) => with_worker(prepared, atlas, &[], |worker| {
+                let texels = assembler.texels();
+                let valid: Vec<bool> = (0..texels.len()).map(|place| assembler.is_valid(place)).collect();
+                denoiser.denoise(&worker, layers, digests, (texels, &valid), console)
+            })?,
+            None => vec![None; digests.len()],
+        };
+        Ok((assembler.with_filtered(filtered.clone()), filtered))
+    }
+
+    /// Retraces some texels with this many unbiased paths each.
+    fn check(&self, assembler: &Assembler, samples: u32) -> Result<Check> {
+        let Run { prepared, atlas, console, .. } = *self;
+        let chosen = choose(assembler.valid_texels(), prepared.scene.bake.seed);
+        let all: Vec<usize> = (0..prepared.plan.layers()).collect();
+        // Of every layer these texels alone: all of all layers may be more than memory holds.
+        let places: Vec<usize> = chosen.iter().map(|texel| texel.place).collect();
+        let held = |&layer: &usize| assembler.held_at(layer, &places);
+        let values = all.iter().map(held).collect::<Result<Vec<_>>>()?;
+        with_worker(prepared, atlas, &all, |worker| {
+            check(&worker, &chosen, &values, &prepared.frames(&all), samples, console)
+        })
+    }
+
+    /// Writes the sun's path and finds its visibility, as far as they are asked for.
+    fn sunlight(&self, writer: &mut Writer) -> Result<Sunlight> {
+        let Run { prepared, atlas, output, console, .. } = *self;
+        let mut sunlight = Sunlight::default();
+        if let Some(path) = prepared.sun_path() {
+            sunlight.path = Some(writer.add("sun", "json", &path.to_json())?);
+        }
+        let Some(course) = &prepared.course else { return Ok(sunlight) };
+        let texels = output.texels(&prepared.base())?;
+        with_worker(prepared, atlas, &[], |worker| {
+            let finder = Finder::new(prepared, &worker, &output.layers, &texels, course)?;
+            let (mut files, mut normals) = (Vec::new(), Vec::new());
+            sunlight.rays = finder.pages(console, |number, page| {
+                files.push(writer.add(&format!("visibility-{number}"), "vis", &page.visibility)?);
+                normals.push(writer.add(&format!("normals-{number}"), "png", &page.normals.to_png())?);
+                Ok(())
+            })?;
+            sunlight.visibility = Some(SunVisibility { minutes: course.minutes, files, normals });
+            sunlight.times = course.hours.len();
+            sunlight.kept = Some(finder.folder().to_owned());
+            Ok(sunlight)
+        })
+    }
 }
 
 /// Works with the light of some layers (ascending).

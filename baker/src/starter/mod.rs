@@ -9,8 +9,8 @@ mod write;
 
 pub use units::Unit;
 
-use crate::bake::folder::relative_to;
 use crate::bake::openings::openings;
+use crate::bake::output::relative_to;
 use crate::geometry::{Bounds, FileCamera, Geometry};
 use crate::preview::options::Options as PreviewOptions;
 use crate::preview::view;
