@@ -63,17 +63,34 @@ pub struct Profile {
 /// The paper's profiles, the same with hidden layers of 32, and one without F_ut and F_vt for light that is
 /// smooth in time.
 pub const PROFILES: [Profile; 8] = [
-    Profile { name: "L", uvt: 16, planes: true, hidden: 16 },
-    Profile { name: "M", uvt: 32, planes: true, hidden: 16 },
-    Profile { name: "M.64", uvt: 32, planes: true, hidden: 64 },
-    Profile { name: "H", uvt: 64, planes: true, hidden: 16 },
-    Profile { name: "L.32", uvt: 16, planes: true, hidden: 32 },
-    Profile { name: "M.32", uvt: 32, planes: true, hidden: 32 },
-    Profile { name: "S", uvt: 16, planes: false, hidden: 16 },
-    Profile { name: "S.32", uvt: 16, planes: false, hidden: 32 },
+    Profile::L,
+    Profile::M,
+    Profile::M_64,
+    Profile::H,
+    Profile::L_32,
+    Profile::M_32,
+    Profile::S,
+    Profile::S_32,
 ];
 
 impl Profile {
+    /// `L`.
+    pub const L: Profile = Profile { name: "L", uvt: 16, planes: true, hidden: 16 };
+    /// `M`.
+    pub const M: Profile = Profile { name: "M", uvt: 32, planes: true, hidden: 16 };
+    /// `M.64`.
+    pub const M_64: Profile = Profile { name: "M.64", uvt: 32, planes: true, hidden: 64 };
+    /// `H`.
+    pub const H: Profile = Profile { name: "H", uvt: 64, planes: true, hidden: 16 };
+    /// `L.32`.
+    pub const L_32: Profile = Profile { name: "L.32", uvt: 16, planes: true, hidden: 32 };
+    /// `M.32`.
+    pub const M_32: Profile = Profile { name: "M.32", uvt: 32, planes: true, hidden: 32 };
+    /// `S`.
+    pub const S: Profile = Profile { name: "S", uvt: 16, planes: false, hidden: 16 };
+    /// `S.32`.
+    pub const S_32: Profile = Profile { name: "S.32", uvt: 16, planes: false, hidden: 32 };
+
     /// All maps of the profile, for `distinct` frames that differ and `gates` gates: min(12, ⌈distinct/2⌉)
     /// slices of F_uvt, min(24, distinct) rows of F_ut and F_vt.
     pub fn contents(&self, distinct: usize, gates: usize) -> Contents {

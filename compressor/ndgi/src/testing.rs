@@ -7,7 +7,7 @@ use crate::bundle::{self, Header, PageKind, Payload};
 use crate::grid::Grid;
 use crate::grid::Place;
 use crate::half::F16;
-use crate::model::{Contents, Knot, PROFILES, Shape, TileParams};
+use crate::model::{Contents, Knot, Profile, Shape, TileParams};
 use crate::sun::{self, Coder, Counts, Shadows, Sun, SunPath, TileSun, Word};
 use crate::time::{Axis, Coding, Timeline, is_on};
 
@@ -97,7 +97,7 @@ pub fn header() -> Header {
 
 /// The tiles of [`bundle`]: all maps and a gate; black; some of F_uv and F_uvt omitted, no planes.
 pub fn tile_of(header: &Header, i: usize, place: Place) -> Option<TileParams> {
-    let all = PROFILES[1].contents(2, 1);
+    let all = Profile::M.contents(2, 1);
     let contents = match i {
         0 => all,
         1 => return None,
@@ -214,7 +214,7 @@ pub fn sunny_pages(pages: Vec<Grid>) -> (Header, Vec<Payload>) {
             let mut payload = match i % 6 {
                 0 | 4 => Payload::default(),
                 of => {
-                    let contents = PROFILES[if of == 1 { 6 } else { 1 }].contents(4, 1);
+                    let contents = (if of == 1 { Profile::S } else { Profile::M }).contents(4, 1);
                     let mut tile = tile(header.shape(*place, &contents), i as u64);
                     tile.knots.push(dusk());
                     bundle::encode_payload(&tile).unwrap()
@@ -270,7 +270,7 @@ pub fn switching_bundle() -> Vec<u8> {
     let states = hours.iter().map(|&h| intervals.iter().map(|on| is_on(on, h)).collect()).collect();
     header.timeline = Timeline { hours, between: vec![2.0], intervals, states, coding: Coding::Standard };
     let payload = |(i, place): (usize, Place)| {
-        let mut tile = tile(header.shape(place, &PROFILES[1].contents(8, 2)), i as u64);
+        let mut tile = tile(header.shape(place, &Profile::M.contents(8, 2)), i as u64);
         tile.knots.insert(1, dusk());
         if i > 0 {
             tile.knots[..2].iter_mut().for_each(|knot| knot.mean = [0.0; 3]);

@@ -8,14 +8,14 @@ use super::tiles::{Tile, TileSet};
 use crate::Result;
 use crate::compress::of_tile;
 use crate::mean::mean;
-use crate::model::{Contents, PROFILES, Profile, Shape};
+use crate::model::{Contents, Profile, Shape};
 use crate::time::{Coding, Timeline};
 use crate::train::{Coded, Recipe, train, train_ablated};
 use dataset::console::stop_if_interrupted;
 use rayon::prelude::*;
 
 /// What all are changed from.
-const M: Profile = PROFILES[1];
+const M: Profile = Profile::M;
 
 /// A change of the maps; tiles that never change have F_uv alone whatever it is.
 type Edit = fn(Contents) -> Contents;

@@ -9,7 +9,7 @@ use super::{default_bundle, digest, program};
 use crate::bundle::{self, Header, Payload};
 use crate::grid::{Grid, Place};
 use crate::law::{Law, can_omit_sun, is_sun_apart};
-use crate::model::PROFILES;
+use crate::model::Profile;
 use crate::sunlight::Sunlight;
 use crate::tile::Band;
 use crate::time::{Coding, Timeline};
@@ -61,10 +61,10 @@ impl<'a> Job<'a> {
             console.warn(format!("--without-sun has no effect: {root} has no direct light of the sun"));
         }
         let law = Law::new(dataset, is_sun_apart(config) || options.without_sun && can_omit_sun(config))?;
-        let usual = PROFILES.into_iter().find(|profile| profile.name == if law.is_apart { "S" } else { "M" });
-        let rate = match (options.rate, usual) {
-            (Rate::Usual, Some(profile)) => Rate::Profile(profile),
-            (rate, _) => rate,
+        let usual = if law.is_apart { Profile::S } else { Profile::M };
+        let rate = match options.rate {
+            Rate::Usual => Rate::Profile(usual),
+            rate => rate,
         };
         let sunlight = match options.without_sun {
             true => None,

@@ -12,7 +12,7 @@ use crate::clock::Clock;
 use crate::grid::Place;
 use crate::lanes::Tier;
 use crate::law::Law;
-use crate::model::{Contents, PROFILES, TileParams};
+use crate::model::{Contents, Profile, TileParams};
 use crate::tile::{self, Band};
 use crate::train::{self, Recipe, TrialFit};
 use crate::{Error, Result, of_bundle};
@@ -617,9 +617,9 @@ impl Tiles<'_> {
         let (source, recipe) = (band.tile(place.column), Recipe { iterations, ..self.recipe(place) });
         let trained = match (self.options.rate, contents) {
             (Rate::Profile(profile), _) => train::train(&source, &profile, &recipe),
-            (_, Some(contents)) => train::train_chosen(&source, &contents, &recipe),
+            (_, Some(contents)) => train::train(&source, &contents, &recipe),
             // There are no trial fits: the tile has nothing to store, or all of them diverged.
-            (_, None) => train::train(&source, &PROFILES[0], &recipe),
+            (_, None) => train::train(&source, &Profile::L, &recipe),
         };
         let trained = trained.map_err(|error| of_tile(place, error))?;
         let faulty = |what| of_tile(place, Error::invalid("payload", format!("training failed: {what}")));

@@ -226,12 +226,12 @@ fn dot(a: &[f32], b: &[f32]) -> f32 {
 mod tests {
     use super::super::random::Random;
     use super::*;
-    use crate::model::PROFILES;
+    use crate::model::Profile;
     use crate::time::Coding;
 
     /// Turns gradients into the bases of M's decoder; the last as it was and turned, and the bases.
     fn turned(steps: usize, mut gradient: impl FnMut(&mut Random) -> f32) -> (Bases, Vec<f32>, Vec<f32>) {
-        let shape = Shape::new(&PROFILES[1].contents(4, 1), 128, 128, 4, Coding::Standard);
+        let shape = Shape::new(&Profile::M.contents(4, 1), 128, 128, 4, Coding::Standard);
         let (mut random, mut bases) = (Random::new(1), Bases::new(&shape));
         let mut mean = vec![0.0; shape.mlp_len()];
         let (mut plain, mut there) = (Vec::new(), Vec::new());
@@ -294,7 +294,7 @@ mod tests {
     fn gradients_that_are_none_leave_the_axes() {
         for gradient in [0.0, 1e-30, f32::NAN] {
             let (bases, ..) = turned(12, |_| gradient);
-            let axes = Bases::new(&Shape::new(&PROFILES[1].contents(4, 1), 128, 128, 4, Coding::Standard));
+            let axes = Bases::new(&Shape::new(&Profile::M.contents(4, 1), 128, 128, 4, Coding::Standard));
             for (now, before) in bases.matrices.iter().zip(&axes.matrices) {
                 assert_eq!(now.rows.vectors, before.rows.vectors);
                 assert_eq!(now.columns.vectors, before.columns.vectors);

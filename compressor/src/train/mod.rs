@@ -110,24 +110,40 @@ pub(crate) const NO_TEXEL: &str = "no valid texel";
 /// Number of restarts at half the learning rate after a training diverges.
 const RETRIES: i32 = 6;
 
-/// Trains a tile to the maps of a profile, without those that it does not need. Deterministic in (source,
-/// recipe) on one instruction set.
+/// What a tile is trained to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Maps<'a> {
+    /// The maps of a profile, without those that the tile does not need.
+    Profile(&'a Profile),
+    /// One of the configurations that [`trials`] returned.
+    Chosen(&'a Contents),
+}
+
+impl<'a> From<&'a Profile> for Maps<'a> {
+    fn from(profile: &'a Profile) -> Self {
+        Maps::Profile(profile)
+    }
+}
+
+impl<'a> From<&'a Contents> for Maps<'a> {
+    fn from(contents: &'a Contents) -> Self {
+        Maps::Chosen(contents)
+    }
+}
+
+/// Trains a tile. Deterministic in (source, maps, recipe) on one instruction set.
 ///
 /// # Errors
 /// [`Error::Invalid`] where the source's lists have wrong lengths or light that is negative or not finite,
 /// [`Error::Unsupported`] for a hidden width other than 16, 32 or 64, [`Error::Interrupted`].
-pub fn train(source: &TileSource, profile: &Profile, recipe: &Recipe) -> Result<TrainedTile> {
-    train_as(source, recipe, |light, omitted| needed(light, profile, recipe, omitted))
-}
-
-/// Trains a tile to contents that [`trials`] returned. Otherwise as [`train`].
-///
-/// # Errors
-/// As [`train`].
-pub fn train_chosen(source: &TileSource, contents: &Contents, recipe: &Recipe) -> Result<TrainedTile> {
-    train_as(source, recipe, |_, omitted| {
-        omitted.push(format!("chosen by trial fits: {contents}"));
-        *contents
+pub fn train<'a>(source: &TileSource, maps: impl Into<Maps<'a>>, recipe: &Recipe) -> Result<TrainedTile> {
+    let maps = maps.into();
+    train_coded(source, recipe, Coded::OnTheLoss, |light, omitted| match maps {
+        Maps::Profile(profile) => needed(light, profile, recipe, omitted),
+        Maps::Chosen(contents) => {
+            omitted.push(format!("chosen by trial fits: {contents}"));
+            *contents
+        }
     })
 }
 
@@ -153,14 +169,6 @@ pub(crate) fn train_ablated(
 ) -> Result<TrainedTile> {
     let choose = |light: &Light, omitted: &mut Vec<String>| edit(needed(light, profile, recipe, omitted));
     train_coded(source, recipe, coded, choose)
-}
-
-fn train_as(
-    source: &TileSource,
-    recipe: &Recipe,
-    choose: impl Fn(&Light, &mut Vec<String>) -> Contents,
-) -> Result<TrainedTile> {
-    train_coded(source, recipe, Coded::OnTheLoss, choose)
 }
 
 fn train_coded(

@@ -268,7 +268,7 @@ mod tests {
     use super::super::gather::Samples;
     use super::super::light::Light;
     use super::*;
-    use crate::model::{PROFILES, Shape};
+    use crate::model::{Profile, Shape};
     use crate::tile::{Coverage, TileSource};
 
     #[test]
@@ -285,7 +285,7 @@ mod tests {
         };
         let recipe = Recipe { iterations: 20, passes: 2, paper: false, seed: 3, aim: Aim::MeanPsnr };
         let light = Light::new(&source, recipe.coding());
-        let shape = Shape::new(&PROFILES[1].contents(2, 0), 8, 8, 2, recipe.coding());
+        let shape = Shape::new(&Profile::M.contents(2, 0), 8, 8, 2, recipe.coding());
         let problem = Problem::new(&source, &light, shape, recipe.coding());
         let stored = |poison: Option<usize>| {
             let mut attempt = Attempt::<16>::new(&problem, &recipe, 1.0, Tier::detect());

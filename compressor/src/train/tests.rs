@@ -12,10 +12,10 @@ use super::random::Random;
 use super::*;
 use crate::bc7;
 use crate::lanes::Tier;
-use crate::model::PROFILES;
+use crate::model::Profile;
 use crate::tile::{Coverage, Gate};
 
-const M: Profile = PROFILES[1];
+const M: Profile = Profile::M;
 
 fn means_of(tile: &TileParams) -> Vec<[f32; 3]> {
     tile.knots.iter().map(|knot| knot.mean).collect()
@@ -164,9 +164,9 @@ fn gradients_match<const H: usize>(profile: &Profile, coding: Coding, change: fn
 fn gradients_are_those_of_finite_differences() {
     gradients_match::<16>(&M, Coding::Standard, |_| {});
     gradients_match::<16>(&M, Coding::Paper, |_| {});
-    gradients_match::<64>(&PROFILES[2], Coding::Standard, |_| {});
-    gradients_match::<32>(&PROFILES[5], Coding::Standard, |_| {});
-    gradients_match::<16>(&PROFILES[6], Coding::Standard, |_| {});
+    gradients_match::<64>(&Profile::M_64, Coding::Standard, |_| {});
+    gradients_match::<32>(&Profile::M_32, Coding::Standard, |_| {});
+    gradients_match::<16>(&Profile::S, Coding::Standard, |_| {});
 }
 
 #[test]
@@ -366,7 +366,7 @@ fn odd_tiles_train() {
 
 #[test]
 fn other_profiles_train() {
-    for profile in [PROFILES[0], PROFILES[2], PROFILES[3]] {
+    for profile in [Profile::L, Profile::M_64, Profile::H] {
         let psnr = stored_psnr(&moving_shadow(32, 20, 6), &profile, 150);
         assert!(psnr > 28.0, "{}: {psnr}", profile.name);
     }

@@ -5,7 +5,7 @@ use ndgi::Bundle;
 use ndgi::bundle::{self, Header, Payload};
 use ndgi::decode::Lights;
 use ndgi::grid::{Grid, Place};
-use ndgi::model::{Contents, PROFILES};
+use ndgi::model::{Contents, Profile};
 use ndgi::testing;
 use ndgi_gpu::{DecodeParams, Decoder, Options, Output, Page, Precision, Request, Target};
 
@@ -78,7 +78,7 @@ fn half_precision_is_close_and_not_used_where_it_does_not_fit() {
     let mut header = Header { pages: vec![Grid { width: 30, height: 14 }], ..testing::header() };
     header.kinds.truncate(1);
     let place = Place { page: 0, column: 0, row: 0 };
-    let mut tile = testing::tile(header.shape(place, &PROFILES[1].contents(4, 1)), 1);
+    let mut tile = testing::tile(header.shape(place, &Profile::M.contents(4, 1)), 1);
     tile.mlp.iter_mut().for_each(|w| *w = ndgi::half::F16::from_f32(300.0 * w.to_f32()));
     tile.knots.push(testing::dusk());
     let bytes = bundle::encode(&header, &[bundle::encode_payload(&tile).unwrap()]).unwrap();
@@ -217,7 +217,7 @@ fn tall_tiles_do_not_read_a_row_of_the_map_too_many() {
         [76, 84, 92, 100, 108].map(|height| Grid { width: 126, height: height - 2 }).into();
     let mut header = Header { pages, ..testing::header() };
     header.kinds = vec![header.kinds[0]; 5];
-    let contents = Contents { uvt: 128, slices: 2, gates: 0, ..PROFILES[1].contents(4, 1) };
+    let contents = Contents { uvt: 128, slices: 2, gates: 0, ..Profile::M.contents(4, 1) };
     let payload = |place: Place| {
         let mut tile = testing::tile(header.shape(place, &contents), place.page as u64);
         tile.knots.push(testing::dusk());

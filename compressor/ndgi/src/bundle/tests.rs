@@ -71,7 +71,7 @@ fn payloads_are_aligned_and_one_of_full_size_takes_the_paper_s_bits() {
     let bundle = Bundle::from_bytes(bytes).unwrap();
     assert!(bundle.index.iter().all(|entry| entry.ndgi.offset % 16 == 0));
     // Profile M, 26 frames, 128²: 0.68 bits per texel and frame in the paper.
-    let contents = crate::model::PROFILES[1].contents(26, 0);
+    let contents = crate::model::Profile::M.contents(26, 0);
     let shape = Shape::new(&contents, 128, 128, 26, Coding::Standard);
     let bpp = full_len(&shape) as f64 * 8.0 / (128.0 * 128.0 * 26.0);
     assert!((0.67..0.69).contains(&bpp), "{bpp}");

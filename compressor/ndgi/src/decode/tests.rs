@@ -88,7 +88,7 @@ fn every_tier_gives_what_the_formulae_give() {
 
 #[test]
 fn a_tile_of_the_wrong_size_is_refused() {
-    let contents = PROFILES[1].contents(2, 1);
+    let contents = Profile::M.contents(2, 1);
     let good = testing::tile(Shape::new(&contents, 16, 8, 2, Coding::Standard), 3);
     let timeline = Timeline {
         between: vec![],
