@@ -29,6 +29,7 @@ use dataset::console::count;
 use dataset::files::{expect_writable, sync_folder_of, write_atomically};
 use dataset::observe::Observer;
 use dataset::store::Dataset;
+use existing::is_alike;
 use job::{Job, header};
 use part::Part;
 use shard::Notes;
@@ -70,13 +71,12 @@ pub fn compress(root: &Path, options: &Options, console: &dyn Observer) -> Resul
     if !options.merge {
         job.check(console)?;
     }
-    let part = Part::open(&job.out, options.force && !options.merge)?;
     if options.merge && !job.out.exists() {
-        // A merge may be tried often until all tiles exist: report missing ones before reading anything
-        // large.
-        let header = header(&job, job.hours_of_shards(&part)?);
-        job.tiles(&header, &part).expect_shards()?;
+        // A merge may be tried often until all tiles exist: report missing ones before anything large is read
+        // or shards are kept out.
+        job.expect_shards()?;
     }
+    let part = Part::open(&job.out, options.force && !options.merge)?;
     part.claim(&job.hours_key());
     let between = if options.merge { job.hours_of_shards(&part)? } else { job.hours()? };
     let header = job.header_with_sun(between, console)?;
@@ -84,9 +84,9 @@ pub fn compress(root: &Path, options: &Options, console: &dyn Observer) -> Resul
         // (Also what a run left that was killed at its end.)
         if outcome.is_ok() {
             job.tiles(&header, &part).claim();
+            part.remove(&job.recipe);
+            sync_folder_of(&job.out);
         }
-        part.remove();
-        sync_folder_of(&job.out);
         return outcome;
     }
     let suns = match job.sunlight.as_ref().zip(header.sun.as_ref()) {
@@ -112,12 +112,11 @@ pub fn compress(root: &Path, options: &Options, console: &dyn Observer) -> Resul
     let header = Header { shadows, ..header };
     let bytes = bundle::encode(&header, &work.payloads).map_err(of_bundle)?;
     write_atomically(&job.out, &bytes)?;
-    part.finish()?;
-
     let outcome = Outcome::new(&header, job.out.clone(), bytes.len() as u64, &work, start, checked);
     outcome::write(&job.out, &outcome)?;
+    part.finish()?;
     let folder = part.folder().to_owned();
-    let left = part.remove();
+    let left = part.remove(&job.recipe);
     if left > 0 {
         console.say(format!(
             "{}: {} of stopped runs with other settings remain (--force removes them)",
@@ -153,12 +152,17 @@ pub fn train_shard(root: &Path, options: &Options, shard: Shard, console: &dyn O
     }
     let dataset = Dataset::open(root)?;
     let job = Job::new(&dataset, options, console)?;
-    // The full header is slow to compute: only if a bundle exists. (The work folder may be gone, or be
-    // removed by a merge that waits for it.)
-    if job.out.exists()
-        && let Some(existing) = job.existing(&job.header_with_sun(job.hours()?, console)?, console)?
-    {
-        return Ok(Sharded::UpToDate(existing.bundle));
+    // The full header is slow to compute: only if a bundle of the same inputs exists. (The work folder may be
+    // gone, or be removed by a merge that waits for it.)
+    if job.out.exists() && !options.force {
+        let header = header(&job, Vec::new());
+        let header = match is_alike(&job.out, &header) {
+            true => job.header_with_sun(job.hours()?, console)?,
+            false => header,
+        };
+        if let Some(existing) = job.existing(&header, console)? {
+            return Ok(Sharded::UpToDate(existing.bundle));
+        }
     }
     let part = Part::share(&job.out)?;
     let notes = Notes::start(&part, shard, &job.recipe)?;

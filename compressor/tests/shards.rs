@@ -124,9 +124,10 @@ fn a_killed_shard_is_named_and_goes_on() {
         assert!(begun.elapsed() < Duration::from_secs(120) && child.try_wait().unwrap().is_none());
         std::thread::sleep(Duration::from_millis(2));
     }
-    // While it works nobody else has the folder alone; callers that share it may come in.
+    // While it works nobody else has the folder alone; callers that share it may come in, and a merge that
+    // asks how far it is keeps nobody out.
     assert!(refused(&recipe, folder, 75).contains("another run is writing this bundle"));
-    assert!(refused(&merge, folder, 75).contains("another run is writing this bundle"));
+    assert!(refused(&merge, folder, 75).contains("of 8 tiles are missing"));
     child.kill().unwrap();
     child.wait().unwrap();
     json(&shard("2/2"), folder);
@@ -224,6 +225,8 @@ fn what_shards_cannot_do_is_refused() {
     let middle = bytes.len() / 2;
     bytes[middle..].iter_mut().for_each(|byte| *byte ^= 0x55);
     fs::write(&map, bytes).unwrap();
+    assert!(!folder.join("b.ndgi.part").exists());
+    refused(&[".", "--iterations", "60", "--out", "b.ndgi", "--merge"], folder, 75);
     assert!(!folder.join("b.ndgi.part").exists());
     let recipe = [".", "--iterations", "60", "--out", "b.ndgi"];
     for number in ["1/3", "2/3", "3/3"] {

@@ -15,12 +15,13 @@ use dataset::console::Console;
 use dataset::curve::Curve;
 use dataset::image::{Image, Mask};
 use dataset::normals::Normals;
+use dataset::observe::Silent;
 use dataset::store::{Dataset, Writer};
 use dataset::sun::SunPath;
 use dataset::tiles::{TILE, tiles};
 use dataset::visibility::{self, Planes};
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Dark, sunrise within the minute of the lamp's switch, day, dusk.
 const HOURS: [f64; 8] = [0.0, 5.9, 6.1, 9.0, 12.0, 15.0, 18.1, 21.0];
@@ -323,6 +324,40 @@ fn the_sun_goes_through_the_bundle_and_back() {
     }
 }
 
+/// All of a bundle's tiles by two shards.
+fn shards(root: &Path, options: &Options) {
+    for number in [2, 1] {
+        match train_shard(root, options, Shard { number, of: 2 }, &Silent).unwrap() {
+            Sharded::UpToDate(_) => panic!("there is no bundle"),
+            Sharded::Trained(note) | Sharded::TrialFits(note) => assert!(note.is_finished()),
+        }
+    }
+}
+
+/// Merges, and runs the shards again as often as the merge asks for it: at least `least` times.
+fn merged(root: &Path, options: &Options, least: usize) -> Vec<u8> {
+    let merge = Options { merge: true, ..options.clone() };
+    let mut rounds = 0;
+    while let Err(error) = compress(root, &merge, &Silent) {
+        assert!(error.exit_code() == 75 && rounds < 3, "{error}");
+        shards(root, options);
+        rounds += 1;
+    }
+    assert!(rounds >= least);
+    fs::read(options.out.as_ref().unwrap()).unwrap()
+}
+
+/// The file of a light at a frame, and other light of the same length as a file.
+fn exchanged(root: &Path, light: Light, frame: usize) -> (PathBuf, [Vec<u8>; 2]) {
+    let dataset = Dataset::open(root).unwrap();
+    let mut layers = dataset.config.layers.iter().filter(|layer| layer.light == light);
+    let file = dataset.path(layers.find_map(|layer| layer.file(frame, 0)).unwrap());
+    let intact = fs::read(&file).unwrap();
+    let mut other = image_of(|_, _| [0.25; 3]).to_exr();
+    other.resize(intact.len(), 0);
+    (file, [intact, other])
+}
+
 /// What shards make while a file holds other light is not merged once the file is restored, nor continued by
 /// a single process. (Shards verify no checksums: they read rows, not files.)
 #[test]
@@ -330,63 +365,62 @@ fn tiles_of_other_light_are_made_again() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path().join("court");
     write(&root, moving);
-    let dataset = Dataset::open(&root).unwrap();
-    let quiet = Console::silent();
-    let file = |light: Light, frame: usize| {
-        let mut layers = dataset.config.layers.iter().filter(|layer| layer.light == light);
-        dataset.path(layers.find_map(|layer| layer.file(frame, 0)).unwrap())
-    };
     // The sky's light decides the hours between frames as well.
-    let cases = [
-        (file(Light::Sky, 7), Rate::Usual),
-        (file(Light::Group, 0), Rate::Usual),
-        (file(Light::Sky, 4), Rate::Psnr(40.0)),
-    ];
-    for (case, (file, rate)) in cases.into_iter().enumerate() {
+    let cases =
+        [(Light::Sky, 7, Rate::Usual), (Light::Group, 0, Rate::Usual), (Light::Sky, 4, Rate::Psnr(40.0))];
+    for (case, (light, frame, rate)) in cases.into_iter().enumerate() {
         let of = |name: &str| Options { rate, iterations: 60, ..options(&folder.path().join(name)) };
         let whole = of(&format!("whole-{case}.ndgi"));
-        compress(&root, &whole, &quiet).unwrap();
+        compress(&root, &whole, &Silent).unwrap();
         let whole = fs::read(whole.out.unwrap()).unwrap();
-        let intact = fs::read(&file).unwrap();
-        let mut other = image_of(|_, _| [0.25; 3]).to_exr();
-        other.resize(intact.len(), 0);
-        let shards = |options: &Options| {
-            for number in [2, 1] {
-                match train_shard(&root, options, Shard { number, of: 2 }, &quiet).unwrap() {
-                    Sharded::UpToDate(_) => panic!("there is no bundle"),
-                    Sharded::Trained(note) | Sharded::TrialFits(note) => assert!(note.is_finished()),
-                }
-            }
-        };
-        let has_target = !matches!(rate, Rate::Usual);
+        let (file, [intact, other]) = exchanged(&root, light, frame);
         for is_merge in [true, false] {
-            if has_target && !is_merge {
+            if !is_merge && !matches!(rate, Rate::Usual) {
                 continue;
             }
-            let out = format!("{case}-{is_merge}.ndgi");
-            let options = of(&out);
+            let options = of(&format!("{case}-{is_merge}.ndgi"));
             fs::write(&file, &other).unwrap();
-            shards(&options);
-            let merge = Options { merge: true, ..options.clone() };
+            shards(&root, &options);
             // While the file is damaged its checksum is wrong, and nobody writes a bundle.
-            let damaged = compress(&root, if is_merge { &merge } else { &options }, &quiet).unwrap_err();
+            let damaged =
+                compress(&root, &Options { merge: is_merge, ..options.clone() }, &Silent).unwrap_err();
             assert!(damaged.exit_code() == 1 && damaged.to_string().contains("checksum"), "{damaged}");
             fs::write(&file, &intact).unwrap();
-            if is_merge {
-                let refused = compress(&root, &merge, &quiet).unwrap_err();
-                assert_eq!(refused.exit_code(), 75, "{case}: {refused}");
-                let mut rounds = 0;
-                while let Err(error) = compress(&root, &merge, &quiet) {
-                    assert!(error.exit_code() == 75 && rounds < 3, "{case}: {error}");
-                    shards(&options);
-                    rounds += 1;
+            let made = match is_merge {
+                true => merged(&root, &options, 1),
+                false => {
+                    compress(&root, &options, &Silent).unwrap();
+                    fs::read(options.out.as_ref().unwrap()).unwrap()
                 }
-            } else {
-                compress(&root, &options, &quiet).unwrap();
-            }
-            assert!(whole == fs::read(folder.path().join(&out)).unwrap(), "case {case}, merge {is_merge}");
+            };
+            assert!(whole == made, "case {case}, merge {is_merge}");
         }
     }
+}
+
+/// A merge measures for a target what training gains: not on tiles of other light that shards of another
+/// target left.
+#[test]
+fn a_target_is_not_measured_on_tiles_of_other_light() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("court");
+    write(&root, moving);
+    // Both targets take all of what tiles can have, so that they share tiles.
+    let of = |name: &str, rate| Options { rate, iterations: 60, ..options(&folder.path().join(name)) };
+    let (bits, quality) = (Rate::Bpp(500.0), Rate::Psnr(90.0));
+    let whole = of("whole.ndgi", quality);
+    compress(&root, &whole, &Silent).unwrap();
+    let bits = of("a.ndgi", bits);
+    shards(&root, &bits);
+    // Chooses.
+    let chosen = compress(&root, &Options { merge: true, ..bits.clone() }, &Silent).unwrap_err();
+    assert!(chosen.to_string().contains("trained tiles of"), "{chosen}");
+    let (file, [intact, other]) = exchanged(&root, Light::Group, 0);
+    fs::write(&file, &other).unwrap();
+    shards(&root, &bits);
+    fs::write(&file, &intact).unwrap();
+    let made = merged(&root, &of("a.ndgi", quality), 0);
+    assert!(fs::read(whole.out.unwrap()).unwrap() == made);
 }
 
 #[test]

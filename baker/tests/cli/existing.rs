@@ -176,7 +176,7 @@ fn a_bundle_of_an_earlier_bake_is_told() {
     };
     let bundle = out.join("court.ndgi");
     let told =
-        format!("{} was made from another bake than this one; `compress {}`", text(&bundle), text(&out));
+        format!("{} was compressed from a different bake; run `compress {}`", text(&bundle), text(&out));
     assert!(!run(&["--hours", "12", "--compress"]).contains("another bake"));
     assert!(bundle.exists() && !run(&["--hours", "12"]).contains("another bake"));
     // Until it is renewed, also where the bake itself is done.

@@ -244,7 +244,7 @@ fn a_plan_traces_nothing_and_writes_nothing() {
     assert!(object["warnings"].is_array());
     let forecast = &object["forecast"];
     assert_eq!((&forecast["size"], &forecast["pages"]), (&serde_json::json!([96, 96]), &1.into()));
-    assert!(forecast["open"].as_u64().unwrap() > 100, "{forecast}");
+    assert!(forecast["escaping_rays"].as_u64().unwrap() > 100, "{forecast}");
     assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0, "a plan wrote something");
 }
 

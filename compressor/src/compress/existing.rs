@@ -18,6 +18,11 @@ pub(super) enum Existing {
     None,
 }
 
+/// Whether a bundle was made from the same inputs with the same options, as far as its header says.
+pub(super) fn is_alike(out: &Path, header: &Header) -> bool {
+    Bundle::open(out).is_ok_and(|there| there.header.info == header.info)
+}
+
 /// Compares the file at `out` with the requested bundle. With a time limit no bundle is up to date.
 pub(super) fn existing_bundle(out: &Path, header: &Header) -> Existing {
     if !out.exists() {

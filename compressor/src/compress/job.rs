@@ -4,8 +4,9 @@ use super::existing::{Existing, existing_bundle};
 use super::options::{Options, Rate};
 use super::outcome::Outcome;
 use super::part::Part;
-use super::tiles::Tiles;
-use super::{default_bundle, digest, program};
+use super::shard;
+use super::tiles::{Tiles, lit};
+use super::{beside, default_bundle, digest, program};
 use crate::bundle::{self, Header, Payload};
 use crate::grid::{Grid, Place};
 use crate::law::{Law, can_omit_sun, is_sun_apart};
@@ -110,6 +111,23 @@ impl<'a> Job<'a> {
             progress.advance(1);
         }
         Ok(())
+    }
+
+    /// For a merge: an error unless shards have finished what comes next. Nothing is written, and shards go
+    /// on meanwhile.
+    pub fn expect_shards(&self) -> Result<()> {
+        let folder = beside(&self.out, ".part");
+        if !folder.is_dir() {
+            let lit = lit(&header(self, Vec::new()), &self.masks);
+            let what = match self.options.rate {
+                Rate::Usual | Rate::Profile(_) => shard::TRAINED,
+                _ => shard::TRIED,
+            };
+            return Err(shard::missing(&folder, &self.recipe, what, &lit, lit.len()));
+        }
+        let part = Part::share(&self.out)?;
+        let header = header(self, self.hours_of_shards(&part)?);
+        self.tiles(&header, &part).expect_shards()
     }
 
     /// The times between frames at which means are stored: [`Law::hours`].

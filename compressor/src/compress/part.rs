@@ -13,8 +13,10 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::collections::BTreeSet;
 use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
+use std::time::Duration;
 
 /// Extension of the files.
 const EXTENSION: &str = "tile";
@@ -58,12 +60,11 @@ pub(super) struct Part {
 impl Part {
     /// Opens or creates the work folder of a bundle, for this run alone; with `fresh`, empties it.
     pub(super) fn open(out: &Path, fresh: bool) -> Result<Self> {
-        let folder = created(out)?;
-        let held = Some(Held::Alone(lock(&folder, BUSY[0], BUSY[1])?));
+        let (folder, held) = held(out, |folder| lock(folder, BUSY[0], BUSY[1]).map(Held::Alone))?;
         remove_stale_temporaries(&folder)?;
         let part = Part { folder, held, own: Mutex::default(), written: Mutex::default() };
         if fresh {
-            part.files().for_each(remove);
+            part.files().chain(shard::files(&part.folder)).for_each(remove);
             remove(part.folder.join(DONE));
         }
         Ok(part)
@@ -72,8 +73,7 @@ impl Part {
     /// Opens or creates it, shared with other shards. Leftovers of killed processes stay until a run has the
     /// folder alone.
     pub(super) fn share(out: &Path) -> Result<Self> {
-        let folder = created(out)?;
-        let held = Some(Held::Together(share(&folder, BUSY[0], BUSY[1])?));
+        let (folder, held) = held(out, |folder| share(folder, BUSY[0], BUSY[1]).map(Held::Together))?;
         Ok(Part { folder, held, own: Mutex::default(), written: Mutex::default() })
     }
 
@@ -144,10 +144,10 @@ impl Part {
     /// that says so.
     pub(super) fn written(&self, result: Result<()>) -> Result<()> {
         match result {
-            Err(_) if !self.folder.is_dir() => Err(Error::unready(
-                self.folder.display(),
-                "was removed while this process worked in it, perhaps because the bundle is finished; run the same command again",
-            )),
+            // (Or one of the folder's temporaries was.)
+            Err(error) if !self.folder.is_dir() || is_not_found(&error) => {
+                Err(Error::unready(self.folder.display(), REMOVED))
+            }
             result => result,
         }
     }
@@ -185,25 +185,27 @@ impl Part {
     pub(super) fn finish(&self) -> Result<()> {
         let list = self.folder.join(DONE);
         let json = serde_json::to_vec(&self.own()).map_err(|error| Error::invalid(list.display(), error))?;
-        write_atomically(&list, &json)
+        self.written(write_atomically(&list, &json))
     }
 
     /// Removes the files of this run and those of a written bundle; dropping it removes the folder if nothing
-    /// is left in it. Only for a run that has it alone. Returns the number of remaining files, which are of
-    /// runs with other settings.
-    pub(super) fn remove(self) -> usize {
+    /// is left in it. Only for a run that has it alone. Notes of shards with this recipe go too, and all of
+    /// them if no tile is left. Returns the number of remaining files, which are of runs with other settings.
+    pub(super) fn remove(self, recipe: &str) -> usize {
         let list = self.folder.join(DONE);
         let done: Option<Vec<String>> =
             fs::read(&list).ok().and_then(|json| serde_json::from_slice(&json).ok());
         self.adopt(&done.unwrap_or_default());
         self.own.lock().unwrap_or_else(|e| e.into_inner()).iter().cloned().for_each(remove);
-        shard::files(&self.folder).for_each(remove);
-        // (Of machines that cannot be asked whether their processes run; what they write is of no use now.)
-        temporaries(&self.folder).unwrap_or_default().into_iter().for_each(remove);
+        let left = self.files().count();
+        let is_done = |path: &PathBuf| left == 0 || shard::is_of(path, recipe);
+        shard::files(&self.folder).filter(is_done).for_each(remove);
+        // (Of machines that cannot be asked whether their processes run: nobody writes a tile for a day.)
+        temporaries(&self.folder).unwrap_or_default().into_iter().filter(is_old).for_each(remove);
         // (The list must not be gone before they are.)
         sync_folder_of(&list);
         remove(list);
-        self.files().count()
+        left
     }
 
     fn files(&self) -> impl Iterator<Item = PathBuf> {
@@ -229,6 +231,32 @@ impl Drop for Part {
         self.held = None;
         let _ = fs::remove_dir(&self.folder);
     }
+}
+
+/// The error of a process whose work folder is gone.
+const REMOVED: &str = "was removed while this process worked in it, perhaps because the bundle is finished; run the same command again";
+
+fn is_not_found(error: &Error) -> bool {
+    matches!(error, Error::Io { source, .. } if source.kind() == ErrorKind::NotFound)
+}
+
+/// Whether a file was last written more than a day ago.
+fn is_old(path: &PathBuf) -> bool {
+    let modified = fs::metadata(path).and_then(|metadata| metadata.modified());
+    modified.is_ok_and(|at| at.elapsed().is_ok_and(|age| age > Duration::from_secs(24 * 3600)))
+}
+
+/// The folder, created if it is missing, and the lock on it. (A run that finds nothing left in it may remove
+/// it in between.)
+fn held(out: &Path, lock: impl Fn(&Path) -> Result<Held>) -> Result<(PathBuf, Option<Held>)> {
+    for _ in 0..10 {
+        let folder = created(out)?;
+        match lock(&folder) {
+            Err(error) if is_not_found(&error) => {}
+            held => return Ok((folder, Some(held?))),
+        }
+    }
+    Err(Error::unready(beside(out, ".part").display(), REMOVED))
 }
 
 /// The folder's path; creates the folder if it is missing.
@@ -307,12 +335,12 @@ mod tests {
         // This run's tiles are removed; the one of other settings remains.
         let part = Part::open(&out, false).unwrap();
         part.write("k", &Payload::default(), &stats, None).unwrap();
-        assert_eq!(part.remove(), 1);
+        assert_eq!(part.remove(""), 1);
         let part = Part::open(&out, false).unwrap();
         assert!(
             part.read::<TileStats>("k").is_none() && part.read::<TileStats>("of other settings").is_some()
         );
-        assert_eq!(part.remove(), 0);
+        assert_eq!(part.remove(""), 0);
         let left = fs::read_dir(beside(&out, ".part")).unwrap().map(|entry| entry.unwrap().file_name());
         assert_eq!(left.collect::<Vec<_>>(), ["notes.txt"]);
         // Where the folder is gone meanwhile, the same command can succeed.

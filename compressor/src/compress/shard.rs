@@ -26,6 +26,8 @@ const SILENT: u64 = 300;
 const NOTE_INTERVAL: f64 = 2.0;
 /// The most shards.
 const MOST: u32 = 100_000;
+/// The most tiles: 64 pages of 16384².
+const MOST_TILES: usize = 64 * 131 * 131;
 /// The longest note in bytes.
 const LONGEST: u64 = 1 << 16;
 /// Tiles or shards that a message names; of more it says how many.
@@ -157,8 +159,10 @@ impl Note {
         }
         let note: Note = serde_json::from_slice(&fs::read(path).ok()?).ok()?;
         let Note { shard: Shard { number, of }, resumed, done, tiles, of_tiles, .. } = note;
+        let is_named = path.file_name().is_some_and(|name| name == note.shard.name().as_str());
         let agrees = number >= 1 && number <= of && of <= MOST && resumed <= done && done <= tiles;
-        (agrees && tiles <= of_tiles && note.seconds >= 0.0).then_some(note)
+        (is_named && agrees && tiles <= of_tiles && of_tiles <= MOST_TILES && note.seconds >= 0.0)
+            .then_some(note)
     }
 
     /// Its machine's name.
@@ -264,6 +268,11 @@ fn notes(folder: &Path, recipe: Option<&str>) -> Vec<Note> {
     notes
 }
 
+/// Whether a file is the note of a shard with this recipe, or none that can be read.
+pub(super) fn is_of(path: &Path, recipe: &str) -> bool {
+    Note::read(path).is_none_or(|note| note.recipe == recipe)
+}
+
 /// The files of all notes in a folder.
 pub(super) fn files(folder: &Path) -> impl Iterator<Item = PathBuf> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
@@ -291,7 +300,9 @@ pub(super) fn missing(folder: &Path, recipe: &str, what: &str, missing: &[Place]
         format!("{what} of {} of {} are missing: {}", missing.len(), count(tiles, "tile"), names.join(", "));
     let are_others = || !notes(folder, None).is_empty();
     let notes = notes(folder, Some(recipe));
-    if let Some((note, error)) = notes.iter().find_map(|note| Some((note, note.error.as_ref()?))) {
+    // (Another build may succeed.)
+    let failed = notes.iter().filter(|note| note.program == super::program());
+    if let Some((note, error)) = failed.into_iter().find_map(|note| Some((note, note.error.as_ref()?))) {
         let what = format!("shard {} on {} failed: {}", note.shard, note.host(), printable(error));
         return Error::invalid(folder.display(), format!("{what}; run it again once that is fixed"));
     }
@@ -495,6 +506,8 @@ mod tests {
             ("4-of-3", Note { shard: Shard { number: 4, of: 3 }, ..note(3, 5, now) }),
             ("3-of-9", Note { recipe: "other".to_owned(), ..note(3, 5, now - 8000) }),
             ("a", Note { done: 11, at: now + 9, ..note(3, 11, now) }),
+            ("1-of-3-copy", note(1, 10, now + 5)),
+            ("3-of-3", Note { of_tiles: usize::MAX, tiles: usize::MAX, at: now + 9, ..note(3, 5, now) }),
             ("b", Note { shard: Shard { number: 1, of: u32::MAX }, ..note(3, 5, now) }),
         ] {
             fs::write(part.join(format!("shard-{name}.json")), serde_json::to_vec(&wrong).unwrap()).unwrap();

@@ -114,7 +114,7 @@ impl Tiles<'_> {
     /// Trial fits and training of every tile that a stopped run has not finished.
     pub(super) fn work(&self, console: &dyn Observer) -> Result<Work> {
         let (chosen, trial_seconds) = self.chosen(console)?;
-        self.distrust(|place| self.key(place, self.contents(&chosen, place)), console)?;
+        self.distrust(&self.lit(), |place| self.key(place, self.contents(&chosen, place)), console)?;
         if self.options.merge {
             self.expect_trained(&chosen)?;
         }
@@ -159,7 +159,7 @@ impl Tiles<'_> {
 
     /// The tiles that have a valid texel, in the order of the index.
     fn lit(&self) -> Vec<Place> {
-        self.header.places().filter(|place| tile::valid_texels(&self.masks[place.page], *place) > 0).collect()
+        lit(self.header, self.masks)
     }
 
     /// Counts the files of these tiles as this run's, to be removed with its own.
@@ -174,10 +174,15 @@ impl Tiles<'_> {
     /// Shards verify no checksums, only the texels they read. So once they are verified, this compares the
     /// light of the tiles or trial fits that shards left with the dataset's, and removes what was made from
     /// other light: of a file that was damaged at the time, or has been replaced since.
-    fn distrust(&self, key: impl Fn(Place) -> String + Sync, console: &dyn Observer) -> Result<()> {
+    fn distrust(
+        &self,
+        places: &[Place],
+        key: impl Fn(Place) -> String + Sync,
+        console: &dyn Observer,
+    ) -> Result<()> {
         let made_from = |place| self.part.made_from(&key(place));
         let of_shards: Vec<Place> =
-            self.lit().into_iter().filter(|place| made_from(*place).is_some()).collect();
+            places.par_iter().copied().filter(|place| made_from(*place).is_some()).collect();
         let progress = console.progress("comparing", of_shards.len() as u64);
         let wrong = AtomicUsize::new(0);
         self.some_tiles(&of_shards, |place, band| {
@@ -340,7 +345,7 @@ impl Tiles<'_> {
             0 => Some(TileTrials::default()),
             _ => self.part.read::<TileTrials>(&self.trial_key(place)).map(|kept| kept.result),
         };
-        self.distrust(|place| self.trial_key(place), console)?;
+        self.distrust(&self.lit(), |place| self.trial_key(place), console)?;
         if self.options.merge {
             self.expect_shards()?;
         }
@@ -437,7 +442,11 @@ impl Tiles<'_> {
         worst.truncate(CALIBRATED);
         let places: Vec<Place> = self.header.places().collect();
         let chosen_for = |place: Place| self.header.position(place).and_then(|tile| contents[tile]);
-        let finished = |place: Place| self.finished(&self.key(place, chosen_for(place)));
+        let key = |place: Place| self.key(place, chosen_for(place));
+        // (Shards of another target may have trained them.)
+        let examined: Vec<Place> = worst.iter().map(|&(_, tile)| places[tile]).collect();
+        self.distrust(&examined, key, console)?;
+        let finished = |place: Place| self.finished(&key(place));
         let open = worst.iter().map(|&(_, tile)| places[tile]).filter(|&place| finished(place).is_none());
         let open: Vec<Place> = open.collect();
         let progress = console.progress("measuring the gain of full training", open.len() as u64);
@@ -445,7 +454,7 @@ impl Tiles<'_> {
             stop_if_interrupted()?;
             let tile = self.train(place, chosen_for(place), band, self.options.iterations)?;
             progress.advance(1);
-            self.write_tile(&self.key(place, chosen_for(place)), &tile, band)
+            self.write_tile(&key(place), &tile, band)
         })?;
         let stored = |tile: usize| finished(places[tile]).and_then(|tile| tile.stats.error);
         let pairs = worst.iter().filter_map(|&(trial_fits, tile)| Some((trial_fits, stored(tile)?)));
@@ -649,6 +658,11 @@ impl Tiles<'_> {
         };
         Ok(Tile { payload, stats, resumed: false })
     }
+}
+
+/// The tiles that have a valid texel, in the order of the index.
+pub(super) fn lit(header: &Header, masks: &[Mask]) -> Vec<Place> {
+    header.places().filter(|place| tile::valid_texels(&masks[place.page], *place) > 0).collect()
 }
 
 /// The seed of a tile.
