@@ -291,7 +291,10 @@ impl Dataset {
     pub fn read_manifest(root: &Path) -> Result<(Self, Vec<Error>)> {
         let manifest = root.join(MANIFEST);
         // (A file server that is away is not a missing file.)
-        let is_there = |path: &Path| path.try_exists().map_err(Error::io(path));
+        let is_there = |path: &Path| match path.try_exists() {
+            Err(error) if error.kind() == std::io::ErrorKind::NotADirectory => Ok(false),
+            found => found.map_err(Error::io(path)),
+        };
         if !is_there(&manifest)? || !manifest.is_file() {
             let found = match (root.is_dir(), root.exists()) {
                 (true, _) if root.join(WORK).is_dir() => UNFINISHED.to_owned(),
