@@ -1,4 +1,4 @@
-//! The bake's part of a report: error against run time, what was done, what was left out.
+//! The bake's part of a report: error against run time, what was done, what was skipped.
 
 use crate::Result;
 use crate::bake::check::{Check, FrameCheck};

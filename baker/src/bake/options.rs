@@ -182,7 +182,7 @@ impl Outcome {
         let before = self.rounds.last().and_then(|round| round.local).map_or(String::new(), |local| {
             let percent = |share: f64| format!("{:.1} %", share * 100.0);
             format!(
-                ": as traced, the local error was {} in the median cell and at most {} in 95 of 100",
+                ": as traced, the local error was {} in the median cell and {} at the 95th percentile",
                 percent(local.median),
                 percent(local.p95)
             )

@@ -1,4 +1,4 @@
-//! What will be traced: times, the distinct layers they need, and what was left out and why.
+//! What will be traced: times, the distinct layers they need, and what is skipped and why.
 
 use super::json;
 use super::layers::Part;
