@@ -65,4 +65,8 @@ fn a_walk_through_a_small_scene_shows_what_the_decoded_pages_do() {
     }
     let html = std::fs::read_to_string(out.join("play.html")).unwrap();
     assert!(html.contains("<svg") && html.contains("time-lapse"));
+    for (name, of) in scenarios {
+        let psnr = of["psnr"]["min"].as_f64().unwrap();
+        assert!(html.contains(&format!(" / {psnr:.1}<td>")), "{name}: {psnr}");
+    }
 }

@@ -46,7 +46,7 @@ pub fn page(scene: &str, device: &str, played: &[Played], memory: &str) -> Strin
             of("/faults_again_within_60_frames", 1.0, 0),
             of("/staleness_by_pixels", 100.0, 2),
             of("/psnr/mean", 1.0, 1),
-            of("/psnr/least", 1.0, 1),
+            of("/psnr/min", 1.0, 1),
             of("/thread_ms/mean", 1.0, 2),
             of("/thread_ms/longest", 1.0, 1),
             of("/unlit_pixels", 1.0, 0),
