@@ -59,7 +59,7 @@ pub struct Options {
     pub still_shadows: bool,
     /// Seed of all randomness.
     pub seed: u64,
-    /// The bundle's path; `None` for [`default_bundle`].
+    /// The bundle's path; `None` for [`super::default_bundle`].
     pub out: Option<PathBuf>,
     /// Retrain every tile, even those a stopped run finished, and replace an existing bundle. Shards and
     /// merges only do the latter.
