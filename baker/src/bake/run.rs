@@ -52,8 +52,8 @@ pub use super::prepare::{Prepared, prepare};
 /// Bakes a scene into a dataset.
 ///
 /// # Errors
-/// Bad input, a full disk, or [`Error::Interrupted`]; finished blocks are kept and the next call continues
-/// with them.
+/// Bad input, a full disk, or [`crate::Error::Interrupted`]; finished blocks are kept and the next call
+/// continues with them.
 pub fn bake(scene_file: &Path, options: &Options, console: &dyn Observer) -> Result<Outcome> {
     let start = Instant::now();
     let prepared = prepare(scene_file, options, console)?;
