@@ -130,7 +130,7 @@ struct Args {
         hide_possible_values = true
     )]
     denoise: Denoise,
-    /// Retrace 512 texels with N unbiased paths each and report the measured error.
+    /// Retrace 512 texels with N unbiased paths each (4096 if N is omitted) and report the measured error.
     #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "4096", value_parser = clap::value_parser!(u32).range(2..))]
     check: Option<u32>,
     /// Print what would be traced, what is skipped and why, and estimates of disk and memory; bake nothing.

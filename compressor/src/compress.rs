@@ -173,10 +173,9 @@ pub fn train_shard(root: &Path, options: &Options, shard: Shard, console: &dyn O
         job.check_bands(&own, console)?;
         tiles.train_shard(&notes, &own, console)
     };
-    match train().inspect_err(|error| notes.failed(error))? {
-        Stage::Trials => Ok(Sharded::TrialFits(notes.last())),
-        Stage::Training => Ok(Sharded::Trained(notes.last())),
-    }
+    let stage = train().inspect_err(|error| notes.failed(error))?;
+    let sharded = if stage == Stage::Trials { Sharded::TrialFits } else { Sharded::Trained };
+    Ok(sharded(notes.last()))
 }
 
 /// Digest of the running program: another build may train different bytes, so its tiles are retrained.

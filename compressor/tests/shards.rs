@@ -190,6 +190,25 @@ fn a_target_is_tried_chosen_and_trained_by_shards() {
 }
 
 #[test]
+fn of_a_dataset_without_a_valid_texel_nothing_is_missing() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    Scene { valid: |_, _| false, ..archipelago() }.write(folder);
+    for target in [&[][..], &["--target-psnr", "40"]] {
+        let with = |more: &[&'static str]| [&[".", "--iterations", "50"][..], target, more].concat();
+        json(&with(&["--out", "whole.ndgi", "--force"]), folder);
+        for name in ["1/2", "2/2"] {
+            json(&with(&["--out", "a.ndgi", "--force", "--shard", name]), folder);
+        }
+        let output = run(&["status", ".", "--out", "a.ndgi"], folder);
+        let line = String::from_utf8(output.stdout).unwrap();
+        assert!(line.contains(": 0 of 0 tiles (100 %); 2 of 2 shards finished\n"), "{line}");
+        json(&with(&["--out", "a.ndgi", "--force", "--merge"]), folder);
+        assert!(fs::read(folder.join("whole.ndgi")).unwrap() == fs::read(folder.join("a.ndgi")).unwrap());
+    }
+}
+
+#[test]
 fn what_shards_cannot_do_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

@@ -101,11 +101,11 @@ fn a_release_verifies_and_unpacks_to_the_same_set() {
         "hut-0h.png",
         "hut-12h.png",
         "hut-18.1h.png",
-        "hut-frames.tar.zst",
         "hut-h.ndgi",
         "hut-hprc2.tar.zst",
         "hut-lamps.tar.zst",
         "hut-other.ndgi",
+        "hut-sets.tar.zst",
         "hut-sky.tar.zst",
         "hut-sun.tar.zst",
         "hut.md",
@@ -129,7 +129,7 @@ fn a_release_verifies_and_unpacks_to_the_same_set() {
     // The datasets alone are a dataset; with the layers and the manifest that names them, it is the one that
     // was packaged.
     let unpacked = released.at("unpacked");
-    unpack(&folder.join("hut-frames.tar.zst"), &unpacked);
+    unpack(&folder.join("hut-sets.tar.zst"), &unpacked);
     let sets = Dataset::open(&unpacked.join("hut")).unwrap();
     assert!(sets.verify(|| ()).faults.is_empty());
     for layer in ["sun", "sky", "lamps"] {
@@ -219,23 +219,23 @@ fn the_bytes_do_not_depend_on_the_run_or_the_threads() {
 fn every_damage_is_found() {
     let released = Released::new();
     let folder = released.at("release");
-    let archive = folder.join("yard-frames.tar.zst");
+    let archive = folder.join("yard-sets.tar.zst");
     let whole = fs::read(&archive).unwrap();
     for at in [0, 10, whole.len() / 2, whole.len() - 1] {
         let mut bytes = whole.clone();
         bytes[at] ^= 4;
         fs::write(&archive, bytes).unwrap();
-        released.expect_fault(&["yard-frames.tar.zst", "SHA-256"]);
+        released.expect_fault(&["yard-sets.tar.zst", "SHA-256"]);
     }
     for length in [0, 1, 600, whole.len() - 1] {
         fs::write(&archive, &whole[..length]).unwrap();
-        released.expect_fault(&["yard-frames.tar.zst", "SHA-256"]);
-        released.expect_fault(&["yard-frames.tar.zst", "damaged archive"]);
+        released.expect_fault(&["yard-sets.tar.zst", "SHA-256"]);
+        released.expect_fault(&["yard-sets.tar.zst", "damaged archive"]);
     }
     fs::remove_file(&archive).unwrap();
-    released.expect_fault(&["yard-frames.tar.zst", "No such file"]);
+    released.expect_fault(&["yard-sets.tar.zst", "No such file"]);
     std::os::unix::fs::symlink("/dev/zero", &archive).unwrap();
-    released.expect_fault(&["yard-frames.tar.zst", "not a regular file"]);
+    released.expect_fault(&["yard-sets.tar.zst", "not a regular file"]);
     fs::remove_file(&archive).unwrap();
     fs::write(&archive, &whole).unwrap();
     assert!(released.faults().is_empty());

@@ -225,7 +225,7 @@ fn a_release_has_them_with_the_lightmaps() {
     let manifest = fs::read_to_string(out.join(dataset::release::MANIFEST)).unwrap();
     let manifest: serde_json::Value = serde_json::from_str(&manifest).unwrap();
     let archives = manifest["scenes"][0]["archives"].as_array().unwrap();
-    let frames = archives.iter().find(|archive| archive["holds"] == "frames").unwrap().to_string();
+    let frames = archives.iter().find(|archive| archive["holds"] == "sets").unwrap().to_string();
     let of_config = config.visibility.as_ref().unwrap();
     for file in of_config.references().chain(&config.sun_path) {
         assert!(frames.contains(&file.path), "{}", file.path);

@@ -146,8 +146,8 @@ fn they_are_released_with_the_manifest_that_they_have() {
             scene["archives"].as_array().unwrap().iter().map(|a| a["holds"].as_str().unwrap()).collect();
         // At night the imported lightmaps are the lamps' light, so that its files are in the first archive.
         let expected: &[&str] = match scene["scene"] == "imported" {
-            true => &["frames", "sun", "sky"],
-            false => &["frames", "sun", "sky", "lamps"],
+            true => &["sets", "sun", "sky"],
+            false => &["sets", "sun", "sky", "lamps"],
         };
         assert_eq!(holds, expected);
     }

@@ -81,6 +81,8 @@ impl FromStr for Shard {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Stage {
+    /// Reading the dataset: what there is to do is not known yet.
+    Reading,
     /// Trial fits, by which bits are allocated towards a target.
     Trials,
     /// Training.
@@ -96,7 +98,7 @@ pub struct Note {
     pub recipe: String,
     /// Its stage.
     pub stage: Stage,
-    /// Tiles of all shards; 0 until they are known.
+    /// Tiles of all shards.
     pub of_tiles: usize,
     /// Tiles of its share that are finished.
     pub done: usize,
@@ -128,7 +130,7 @@ impl Note {
         Note {
             shard,
             recipe: recipe.to_owned(),
-            stage: Stage::Training,
+            stage: Stage::Reading,
             of_tiles: 0,
             done: 0,
             tiles: 0,
@@ -172,7 +174,7 @@ impl Note {
 
     /// True if its stage is finished.
     pub fn is_finished(&self) -> bool {
-        self.of_tiles > 0 && self.done == self.tiles && self.error.is_none()
+        self.stage != Stage::Reading && self.done == self.tiles && self.error.is_none()
     }
 
     /// Seconds since its last note, if it is not finished and they are too many.
@@ -350,7 +352,9 @@ fn ill(notes: &[Note], now: u64) -> Vec<String> {
             (None, Some(silence)) => {
                 format!("{} on {} not heard from for {}", note.shard, note.host(), minutes(silence))
             }
-            (None, None) if note.of_tiles == 0 => format!("{} on {} reading", note.shard, note.host()),
+            (None, None) if note.stage == Stage::Reading => {
+                format!("{} on {} reading", note.shard, note.host())
+            }
             (None, None) => format!("{} on {} at {} of {}", note.shard, note.host(), note.done, note.tiles),
         },
     };
@@ -397,8 +401,9 @@ pub struct Status {
 pub fn status(out: &Path) -> Option<Status> {
     let shards = notes(&super::beside(out, ".part"), None);
     let of = shards.first()?.shard.of;
-    let trials = shards.iter().any(|note| note.stage == Stage::Trials);
-    let stage = if trials { Stage::Trials } else { Stage::Training };
+    let is_any = |stage: &Stage| shards.iter().any(|note| note.stage == *stage);
+    let stages = [Stage::Trials, Stage::Training];
+    let stage = stages.into_iter().find(is_any).unwrap_or(Stage::Reading);
     // (A shard that trains has finished its trial fits.)
     let done = |note: &Note| if note.stage == stage { note.done } else { note.tiles };
     let left = shards
@@ -420,9 +425,14 @@ pub fn status(out: &Path) -> Option<Status> {
 impl Status {
     /// The progress in one line.
     pub fn line(&self) -> String {
-        let stage = if self.stage == Stage::Trials { "trial fits" } else { "training" };
-        let percent = (100 * self.done).checked_div(self.tiles).unwrap_or(0);
+        let stage = match self.stage {
+            Stage::Reading => "reading",
+            Stage::Trials => "trial fits",
+            Stage::Training => "training",
+        };
         let finished = self.shards.iter().filter(|note| note.is_finished()).count();
+        let of_none = if finished == self.of as usize { 100 } else { 0 };
+        let percent = (100 * self.done).checked_div(self.tiles).unwrap_or(of_none);
         let mut line = format!(
             "{stage}: {} of {} ({percent} %); {finished} of {} finished",
             self.done,
@@ -460,6 +470,7 @@ mod tests {
             error: None,
             at,
             texels: 100,
+            stage: Stage::Training,
             ..Note::new(Shard { number, of: 3 }, "this")
         }
     }

@@ -67,7 +67,7 @@ fn contents(text: &mut String, config: &Config, files: &Files) {
     let frames = format!("config.json, masks, the lightmaps of all frames{more}");
     for (archive, bytes) in files.archives {
         let what = match &*archive.holds {
-            "frames" => &*frames,
+            "sets" => &*frames,
             "sun" => "the sun's share of each lightmap",
             "sky" => "the sky's share of each lightmap",
             "lamps" => "the light of each light group",

@@ -56,7 +56,7 @@ struct Scene {
 #[serde(deny_unknown_fields)]
 struct Archive {
     name: String,
-    /// `frames` (`sets` in older releases), `sun`, `sky`, `lamps`, or a layout of exchange.
+    /// `sets` (all but the layers), `sun`, `sky`, `lamps`, or a layout of exchange.
     holds: String,
     /// In the archive's order, with the folder that they unpack to.
     files: Vec<FileRef>,

@@ -136,7 +136,7 @@ impl Plan {
         let mut archives = Vec::new();
         for (holds, files) in split(config) {
             let mut members = Vec::new();
-            if holds == "frames" {
+            if holds == "sets" {
                 match without_layers(config) {
                     Some(frames) => {
                         members.push(memory(store::MANIFEST, json(&place, &frames)?));

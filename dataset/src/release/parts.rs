@@ -21,7 +21,7 @@ pub(super) fn split(config: &Config) -> Vec<(&'static str, Vec<&FileRef>)> {
         layers.flat_map(|layer| layer.files().chain(&layer.curve)).collect()
     };
     let parts: [(&str, Vec<&FileRef>); 4] = [
-        ("frames", own.collect()),
+        ("sets", own.collect()),
         ("sun", of(&[Light::Sun])),
         ("sky", of(&[Light::Sky])),
         ("lamps", of(&[Light::Group, Light::Lamps])),

@@ -129,7 +129,7 @@ Examples:
     Halve(halve::Halve),
     /// Packages datasets for release: archives, bundles, pictures, datasheets, checksums.
     ///
-    /// Per scene: SCENE-frames.tar.zst (manifest, masks, lightmaps, geometry), one archive for each of sun,
+    /// Per scene: SCENE-sets.tar.zst (manifest, masks, lightmaps, geometry), one archive for each of sun,
     /// sky and lamps where layers are stored, the bundles (*.ndgi) found in its folder, pictures, a datasheet
     /// SCENE.md. Also release.json, read_dataset.py and SHA256SUMS. Equal datasets give equal bytes. Each
     /// dataset is checked first; a stopped or failed command leaves nothing behind. With --json, one object:
@@ -148,7 +148,7 @@ Examples:
     #[command(after_help = "\
 Examples:
   dataset verify release
-  dataset verify yard          unpacked from yard-frames.tar.zst")]
+  dataset verify yard          unpacked from yard-sets.tar.zst")]
     Verify {
         /// A folder with SHA256SUMS or config.json.
         #[arg(value_name = "DIR")]
