@@ -53,17 +53,18 @@ pub fn lightless(scene: &Scene, plan: &Plan, stored: &Stored) -> Option<String> 
     })
 }
 
-/// Where more than one cell in twenty has a local error over 5 %: what it comes from, and what to do.
-/// `samples`: those of the bake; `is_denoised`: it is, or cannot be.
+/// Where more than one cell in twenty has a local error over the target, or over 5 % without one: what it
+/// comes from, and what to do. `samples`: those of the bake; `is_denoised`: it is, or cannot be.
 pub fn advice(
     scene: &Scene,
     plan: &Plan,
     stored: &Stored,
-    samples: u32,
+    (samples, target): (u32, Option<f64>),
     is_denoised: bool,
 ) -> Option<String> {
+    let (target, is_asked) = (target.unwrap_or(OVER[0]), target.is_some());
     let worst = stored.worst.as_ref()?;
-    let local = stored.local.1[worst.frame].filter(|local| local.p95 > OVER[0])?;
+    let local = stored.local.1[worst.frame].filter(|local| local.p95 > target)?;
     let (layer, share) = *worst.causes.first()?;
     let first_group = plan.suns.len() + plan.sky_hours.len();
     let cause = if layer < plan.suns.len() {
@@ -85,15 +86,20 @@ pub fn advice(
     // Errors fall with the square root of the samples, and those of denoised light a little more slowly
     // (NUMERICS, "Denoising").
     let power = if is_denoised { 2.4 } else { 2.0 };
-    let needed = f64::from(samples) * (local.p95 / OVER[0]).powf(power);
+    let needed = f64::from(samples) * (local.p95 / target).powf(power);
     let needed = (needed.log2().ceil().exp2() as u64).max(u64::from(samples) + 1);
+    let goal = (1e4 * target).round() / 1e2;
+    let how = match (is_denoised, is_asked) {
+        (false, _) => format!("--denoise auto lowers it; --samples {needed} brings"),
+        (true, true) => format!("--samples {needed} without a time limit brings"),
+        (true, false) => format!("--samples {needed} or --target-error {goal}% brings"),
+    };
     Some(format!(
-        "at {} one cell in twenty has a local error over {}; {} of it comes from {cause}{remedy}; {}--samples {needed} or --target-error 5% brings 95 % of the \
-         texels below 5 %",
+        "at {} one cell in twenty has a local error over {}; {} of it comes from {cause}{remedy}; {how} 95 % of the texels \
+         below {goal} %",
         hour(plan.times[worst.frame].hour),
         percent(local.p95),
         percent(share),
-        if is_denoised { "" } else { "--denoise auto lowers it; " }
     ))
 }
 

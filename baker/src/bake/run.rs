@@ -203,7 +203,13 @@ fn local_errors(prepared: &Prepared, stored: &Stored, traced: &Traced) -> LocalE
         all: stored.local.0,
         frames: stored.local.1.clone(),
         worst_frame: stored.worst.as_ref().map(|worst| worst.frame),
-        advice: facts::advice(&prepared.scene, &prepared.plan, stored, samples, is_settled),
+        advice: facts::advice(
+            &prepared.scene,
+            &prepared.plan,
+            stored,
+            (samples, prepared.limits.target_error),
+            is_settled,
+        ),
     }
 }
 
