@@ -10,18 +10,29 @@ import time
 
 import day_scene
 import measure
+import pyoidn
 import renderers
 
 ROOT = renderers.ROOT
 NOON = 12.0
 # The whole day, hour by hour: a range would get extra times at dawn and dusk.
 DAY = ",".join(str(hour) for hour in range(24))
+# Scene file if it is not made here, the page's side, and the hours that Cycles bakes.
+SCENES = {
+    "day": (None, 128, "0..24"),
+    "yard": ("scenes/yard.toml", 256, "1,8,11,14,17"),
+    "house": ("tests/fixtures/house.toml", 128, "1,8,11,14,17"),
+}
+# Ways to a map, and which one of `bake` each of Cycles' is held against.
+FILTERS = {"bake": "off", "bake, denoised": "own"}
+PEERS = {"Cycles": "bake", "Cycles, OIDN": "bake, denoised"}
+ERRORS = ("rmse", "median", "p95")
 
 
 def arguments():
     p = argparse.ArgumentParser(description=__doc__)
-    p.add_argument("--scene", choices=["day", "yard"], default="day")
-    p.add_argument("--size", type=int, help="side of the lightmap [day: 128, yard: 256]")
+    p.add_argument("--scene", choices=SCENES, default="day")
+    p.add_argument("--size", type=int, help="side of the lightmap [128, yard: 256]")
     p.add_argument("--bake", type=pathlib.Path, default=ROOT / "target/release/bake", help="the binary to measure")
     p.add_argument("--bake-args", default="", metavar="ARGS", help='more arguments of it, as "--backend embree"')
     p.add_argument("--ref-bake", type=pathlib.Path, help="the binary that bakes our reference [--bake]")
@@ -32,7 +43,7 @@ def arguments():
     p.add_argument("--ref-samples", type=int, help="of our reference [16 x the most of --samples]")
     p.add_argument("--cycles-ref-samples", type=int, help="of Cycles' reference [16 x the most of --cycles-samples]")
     p.add_argument("--bounces", type=int, help="most reflections [no limit]")
-    p.add_argument("--hours", help="hours Cycles bakes [day: 0..24; yard: 1,8,11,14,17]; the others count as much")
+    p.add_argument("--hours", help="hours Cycles bakes [day: 0..24; else 1,8,11,14,17]; the others count as much")
     p.add_argument("--sky-map", default="none", help="Cycles' importance map of the sky: none, auto (its default) or a width")
     p.add_argument("--noon", action="store_true", help="also bake noon alone and compare with the whole day")
     p.add_argument("--no-cycles", action="store_true", help="leave Cycles out")
@@ -44,12 +55,13 @@ def arguments():
     a = p.parse_args()
     if a.quick:
         a.size, a.samples, a.cycles_samples, a.hours = a.size or 64, "16,64", "16,64", a.hours or "1,9,12,16"
-    a.size = a.size or {"day": 128, "yard": 256}[a.scene]
+    _, size, hours = SCENES[a.scene]
+    a.size = a.size or size
     a.samples, a.cycles_samples = ([int(s) for s in text.split(",")] for text in (a.samples, a.cycles_samples))
     a.ref_samples = a.ref_samples or 16 * max(a.samples)
     a.cycles_ref_samples = a.cycles_ref_samples or 16 * max(a.cycles_samples)
     every = [float(h) for h in range(24)]
-    text = a.hours or {"day": "0..24", "yard": "1,8,11,14,17"}[a.scene]
+    text = a.hours or hours
     a.hours = every if text == "0..24" else [float(h) for h in text.split(",")]
     a.ref_bake = a.ref_bake or a.bake
     a.sky_image = a.sky_image or a.bake.parent / "examples/sky_image"
@@ -61,7 +73,8 @@ def main():
     a = arguments()
     work = a.cache / f"{a.scene}-{a.size}"
     work.mkdir(parents=True, exist_ok=True)
-    source = day_scene.write(work / "scene", a.size) if a.scene == "day" else ROOT / "scenes/yard.toml"
+    file = SCENES[a.scene][0]
+    source = ROOT / file if file else day_scene.write(work / "scene", a.size)
     scene = lambda name, bounces, seed: renderers.variant(source, work / "scene", name, a.size, bounces, seed)
     test, reference = scene("test", a.bounces, 1), scene("reference", a.bounces, 2)
 
@@ -104,14 +117,23 @@ def main():
         for h in day:
             lit = (theirs.maps[h].min(axis=2) > 0) & (ours[h].min(axis=2) > 0)
             masks[h] &= measure.judged(valid & lit, suns[h])
-    points = {"bake": [], "cycles": []}
     result["judged_fraction"] = {f"{h:g}": masks[h].sum() / valid.sum() for h in day}
-    judge = lambda maps, truth, noise: {h: measure.relative_rmse(maps[h], truth[h], masks[h], noise) for h in day}
+    charts = measure.charts(valid)
+
+    def judge(maps, truth, noise):
+        """Per hour the errors of `ERRORS`."""
+        errors = {}
+        for h in day:
+            judged = (maps[h], truth[h], masks[h])
+            local = measure.local_errors(*judged, charts, noise)
+            errors[h] = dict(zip(ERRORS, (measure.relative_rmse(*judged, noise), *local)))
+        return errors
+
     rows = []
-    for samples in a.samples:
-        cpu, maps = run_bake(a, test, DAY, samples, work / "test", day)
-        errors = judge(maps, ours, samples / a.ref_samples)
-        rows.append(row("bake", samples, cpu, errors))
+    for name, kind in FILTERS.items():
+        for samples in a.samples:
+            cpu, maps = run_bake(a, test, DAY, samples, work / "test", day, ["--denoise", kind])
+            rows.append(row(name, samples, cpu, judge(maps, ours, samples / a.ref_samples)))
     if not a.no_cycles:
         result["references"] = {f"{h:g}": measure.agreement(theirs.maps[h], ours[h], masks[h]) for h in day}
         for samples in a.cycles_samples:
@@ -120,14 +142,18 @@ def main():
                 cache / f"cycles-{samples}-{a.sky_map}-{tag(a.hours)}.npz",
                 a.threads,
             )
-            errors = judge(run.maps, theirs.maps, samples / a.cycles_ref_samples)
-            rows.append(row("cycles", samples, whole_day(run, a.hours, sunny), errors))
+            cpu, noise = whole_day(run, a.hours, sunny), samples / a.cycles_ref_samples
+            rows.append(row("Cycles", samples, cpu, judge(run.maps, theirs.maps, noise)))
+            seconds, maps = oidn(run.maps, valid & lit, day)
+            rows.append(row("Cycles, OIDN", samples, cpu + 24 * seconds, judge(maps, theirs.maps, noise)))
     for r in rows:
-        points[r["renderer"]].append((r["cpu"], r["error"]))
-    for r in rows:
-        if r["renderer"] == "cycles":
-            r["bake_cpu"], r["interpolated"] = measure.cpu_at(r["error"], points["bake"])
-            r["ratio"] = r["cpu"] / r["bake_cpu"]
+        if (ours_name := PEERS.get(r["renderer"])) is None:
+            continue
+        r["at"] = {}
+        for error in ERRORS:
+            points = [(other["cpu"], other[error]) for other in rows if other["renderer"] == ours_name]
+            seconds, is_between = measure.cpu_at(r[error], points)
+            r["at"][error] = {"bake_cpu": seconds, "interpolated": is_between, "ratio": r["cpu"] / seconds}
     result["rows"] = rows
     if a.noon:
         result["noon"] = noon(a, test, ours, masks, rows, work)
@@ -142,14 +168,17 @@ def tag(hours):
 
 
 def row(renderer, samples, cpu, errors):
-    mean = sum(errors.values()) / len(errors)
-    return {
-        "renderer": renderer,
-        "samples": samples,
-        "cpu": cpu,
-        "error": mean,
-        "errors": {f"{h:g}": e for h, e in errors.items()},
-    }
+    means = {name: sum(of[name] for of in errors.values()) / len(errors) for name in ERRORS}
+    hours = {f"{h:g}": of for h, of in errors.items()}
+    return {"renderer": renderer, "samples": samples, "cpu": cpu, **means, "errors": hours}
+
+
+def oidn(maps, valid, hours):
+    """Denoised as lightmaps are by hand: all light of an hour at once, on the page. CPU seconds an hour, and the maps."""
+    before = measure.cpu_seconds()
+    call = lambda image: pyoidn.denoise(measure.filled(image, valid), filter_type="RTLightmap", quality="high")
+    denoised = {h: call(maps[h]).astype(float) for h in hours}
+    return (measure.cpu_seconds() - before) / len(hours), denoised
 
 
 def our_reference(a, cache, scene_file, day):
@@ -162,10 +191,9 @@ def our_reference(a, cache, scene_file, day):
     return renderers.read_maps(out, day)
 
 
-def run_bake(a, scene_file, hours, samples, out, day):
-    cpus = [
-        renderers.bake(a.bake, scene_file, hours, samples, out, a.threads, a.bake_args) for _ in range(a.repeat)
-    ]
+def run_bake(a, scene_file, hours, samples, out, day, extra=()):
+    extra = [*a.bake_args, *extra]
+    cpus = [renderers.bake(a.bake, scene_file, hours, samples, out, a.threads, extra) for _ in range(a.repeat)]
     return min(cpus), renderers.read_maps(out, day)
 
 
@@ -185,28 +213,25 @@ def noon(a, scene_file, ours, masks, rows, work):
     """Noon alone against the whole day: CPU seconds at the error that the day's bake has at noon."""
     alone = []
     for samples in a.samples:
-        cpu, maps = run_bake(a, scene_file, f"{NOON:g}", samples, work / "noon", [NOON])
+        cpu, maps = run_bake(a, scene_file, f"{NOON:g}", samples, work / "noon", [NOON], ["--denoise", "off"])
         error = measure.relative_rmse(maps[NOON], ours[NOON], masks[NOON], samples / a.ref_samples)
         alone.append({"samples": samples, "cpu": cpu, "error": error})
     points = [(r["cpu"], r["error"]) for r in alone]
     for r in (r for r in rows if r["renderer"] == "bake"):
-        r["noon_cpu"], r["noon_interpolated"] = measure.cpu_at(r["errors"][f"{NOON:g}"], points)
+        r["noon_cpu"], r["noon_interpolated"] = measure.cpu_at(r["errors"][f"{NOON:g}"]["rmse"], points)
         r["over_noon"] = r["cpu"] / r["noon_cpu"]
     return alone
 
 
 def show(result):
     print(f"\n{result['scene']}, {result['size']} x {result['size']} texels, {result['threads']} threads\n")
-    print("| renderer | samples | CPU s, 24 hours | relative RMSE | bake at that error, CPU s | ratio |")
+    print("| renderer | samples | CPU s, 24 hours | relative RMSE | local error: median cell, 95 % | ratios: by RMSE, median, 95 % |")
     print("|---|---|---|---|---|---|")
     for r in result["rows"]:
-        line = f"| {r['renderer']} | {r['samples']} | {r['cpu']:.1f} | {r['error']:.5f} |"
-        if "ratio" in r:
-            mark = "" if r["interpolated"] else " (extrapolated)"
-            line += f" {r['bake_cpu']:.2f}{mark} | {r['ratio']:.2f} |"
-        else:
-            line += " | |"
-        print(line)
+        line = f"| {r['renderer']} | {r['samples']} | {r['cpu']:.1f} | {r['rmse']:.4f} | {r['median']:.4f}, {r['p95']:.4f} |"
+        ratios = [f"{at['ratio']:.1f}" + ("" if at["interpolated"] else "*") for at in r.get("at", {}).values()]
+        print(f"{line} {', '.join(ratios)} |")
+    print("\n*: `bake` reaches that error outside of what was measured (extrapolated)")
     if "references" in result:
         print("\n| hour | Cycles' reference / ours, mean | RMS difference | median difference |\n|---|---|---|---|")
         for hour, r in result["references"].items():
@@ -220,7 +245,7 @@ def show(result):
         print("\n| all hours, samples | CPU s | error at noon | noon alone at that error, CPU s | ratio |\n|---|---|---|---|---|")
         for r in result["rows"]:
             if "over_noon" in r:
-                error = r["errors"][f"{NOON:g}"]
+                error = r["errors"][f"{NOON:g}"]["rmse"]
                 mark = "" if r["noon_interpolated"] else " (extrapolated)"
                 print(
                     f"| {r['samples']} | {r['cpu']:.2f} | {error:.5f} | {r['noon_cpu']:.2f}{mark} | {r['over_noon']:.2f} |"

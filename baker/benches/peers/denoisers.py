@@ -3,7 +3,6 @@
 import argparse
 import json
 import pathlib
-import resource
 import struct
 import zlib
 
@@ -11,6 +10,7 @@ import numpy
 import pyoidn
 
 import renderers
+from measure import cpu_seconds, filled
 
 ROOT = renderers.ROOT
 # Scene file, hours, and whether a draft is baked.
@@ -148,27 +148,6 @@ class Apart:
         image = image.copy()
         image[self.here] = page[self.moved]
         return image
-
-
-def cpu_seconds():
-    usage = resource.getrusage(resource.RUSAGE_SELF)
-    return usage.ru_utime + usage.ru_stime
-
-
-def filled(image, valid):
-    """With the mean of what is around where no texel is valid, outwards from those that are: no chart ends in black."""
-    image, known = image.copy(), valid.copy()
-    while not known.all():
-        sums, counts = numpy.zeros_like(image), numpy.zeros(known.shape, numpy.float32)
-        padded, around = numpy.pad(image * known[..., None], ((1, 1), (1, 1), (0, 0))), numpy.pad(known, 1)
-        for y in range(3):
-            for x in range(3):
-                sums += padded[y : y + known.shape[0], x : x + known.shape[1]]
-                counts += around[y : y + known.shape[0], x : x + known.shape[1]]
-        new = ~known & (counts > 0)
-        image[new] = sums[new] / counts[new][:, None]
-        known |= new
-    return numpy.ascontiguousarray(image, numpy.float32)
 
 
 def read_pfm(path):

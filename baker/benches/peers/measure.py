@@ -1,8 +1,12 @@
-"""Errors against references off the sun's shadow edges, and CPU seconds at equal error."""
+"""Errors against references off the sun's shadow edges, CPU seconds at equal error, and what both comparisons share."""
 
 import math
+import resource
 
 import numpy
+
+# Texels along a cell, as in `bake::local`.
+CELL = 16
 
 
 def luminance(rgb):
@@ -37,6 +41,60 @@ def relative_rmse(image, reference, mask, reference_noise=0.0):
     """
     difference = image[mask] - reference[mask]
     return math.sqrt((difference**2).mean() / (1 + reference_noise)) / reference[mask].mean()
+
+
+def charts(valid):
+    """Per texel the number of the connected valid texels that it is among, diagonal neighbours included; 0 elsewhere."""
+    numbers = numpy.where(valid, numpy.arange(1, valid.size + 1).reshape(valid.shape), 0)
+    while True:
+        spread = numpy.where(valid, neighbourhood(numbers, numpy.maximum), 0)
+        if (spread == numbers).all():
+            return numbers
+        numbers = spread
+
+
+def local_errors(image, reference, mask, charts, reference_noise=0.0):
+    """The errors below which half and 95 % of the masked texels' cells are, as `bake::local` defines them, but without its
+    floor for what is too dark to be seen.
+
+    A texel's error is taken relative to the mean reference of its piece (its cell's texels on its chart), a cell's is the
+    root mean square of its texels'. `reference_noise` as in `relative_rmse`.
+    """
+    rows, columns = numpy.nonzero(mask)
+    cells = rows // CELL * (mask.shape[1] // CELL + 1) + columns // CELL
+    _, piece = numpy.unique(cells * (charts.max() + 1) + charts[mask], return_inverse=True)
+    count = numpy.bincount(piece)
+    mean = numpy.bincount(piece, reference[mask].mean(axis=1)) / count
+    squared = ((image[mask] - reference[mask]) ** 2).mean(axis=1) / (1 + reference_noise)
+    squared /= numpy.maximum(mean, 1e-12)[piece] ** 2
+    _, cell = numpy.unique(cells, return_inverse=True)
+    texels = numpy.bincount(cell)
+    error = numpy.sqrt(numpy.bincount(cell, squared) / texels)
+    order = numpy.argsort(error)
+    share = numpy.cumsum(texels[order]) / texels.sum()
+    return tuple(error[order[min(numpy.searchsorted(share, part), len(order) - 1)]] for part in (0.5, 0.95))
+
+
+def filled(image, valid):
+    """With the mean of what is around where no texel is valid, outwards from those that are: no chart ends in black."""
+    image, known = image.astype(numpy.float32), valid.copy()
+    while not known.all():
+        sums, counts = numpy.zeros_like(image), numpy.zeros(known.shape, numpy.float32)
+        padded, around = numpy.pad(image * known[..., None], ((1, 1), (1, 1), (0, 0))), numpy.pad(known, 1)
+        for y in range(3):
+            for x in range(3):
+                sums += padded[y : y + known.shape[0], x : x + known.shape[1]]
+                counts += around[y : y + known.shape[0], x : x + known.shape[1]]
+        new = ~known & (counts > 0)
+        image[new] = sums[new] / counts[new][:, None]
+        known |= new
+    return numpy.ascontiguousarray(image)
+
+
+def cpu_seconds():
+    """User and system seconds of this process so far."""
+    usage = resource.getrusage(resource.RUSAGE_SELF)
+    return usage.ru_utime + usage.ru_stime
 
 
 def agreement(a, b, mask):
