@@ -3,7 +3,7 @@
 use super::assemble::Stored;
 use super::charts::Counts;
 use super::forecast::density;
-use super::local::OVER;
+use super::local::COUNTED_ERRORS;
 use super::options::LayerCount;
 use super::plan::{Plan, hour};
 use super::rounds::Traced;
@@ -63,7 +63,7 @@ pub fn advice(
     is_denoised: bool,
 ) -> Option<String> {
     let worst = stored.worst.as_ref()?;
-    let local = stored.local.1[worst.frame].filter(|local| local.p95 > OVER[0])?;
+    let local = stored.local.1[worst.frame].filter(|local| local.p95 > COUNTED_ERRORS[0])?;
     let (layer, share) = *worst.causes.first()?;
     let first_group = plan.suns.len() + plan.sky_hours.len();
     let cause = if layer < plan.suns.len() {
@@ -85,7 +85,7 @@ pub fn advice(
     // Errors fall with the square root of the samples, and those of denoised light a little more slowly
     // (NUMERICS, "Denoising").
     let power = if is_denoised { 2.4 } else { 2.0 };
-    let needed = f64::from(samples) * (local.p95 / OVER[0]).powf(power);
+    let needed = f64::from(samples) * (local.p95 / COUNTED_ERRORS[0]).powf(power);
     let needed = (needed.log2().ceil().exp2() as u64).max(u64::from(samples) + 1);
     Some(format!(
         "at {} one cell in twenty has a local error over {}; {} of it comes from {cause}{remedy}; {}--samples {needed} or --target-error 5% brings 95 % of the \

@@ -3,7 +3,7 @@
 use super::check::Check;
 use super::denoise;
 use super::disk_space;
-use super::local::Local;
+use super::local::LocalErrorSummary;
 use super::rounds::Round;
 use crate::light::extra_times;
 use crate::light::schedule::Hours;
@@ -55,7 +55,7 @@ impl Options {
     pub fn new(hours: Hours) -> Self {
         Options {
             hours,
-            extra_times: extra_times::MOST,
+            extra_times: extra_times::MOST_EXTRA_TIMES,
             transfer: false,
             indirect: false,
             samples: None,
@@ -195,7 +195,7 @@ impl Outcome {
     }
 
     /// The hour with the greatest local errors, and those.
-    pub fn worst_hour(&self) -> Option<(f64, Local)> {
+    pub fn worst_hour(&self) -> Option<(f64, LocalErrorSummary)> {
         let frame = self.local.worst_frame?;
         Some((*self.hours.get(frame)?, (*self.local.frames.get(frame)?)?))
     }
@@ -218,10 +218,10 @@ pub struct Denoised {
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct LocalErrors {
     /// Of all frames together; `None` without light.
-    pub all: Option<Local>,
+    pub all: Option<LocalErrorSummary>,
     /// Of each frame.
     #[serde(alias = "sets")]
-    pub frames: Vec<Option<Local>>,
+    pub frames: Vec<Option<LocalErrorSummary>>,
     /// The frame whose 95th percentile is greatest.
     #[serde(alias = "worst_set")]
     pub worst_frame: Option<usize>,

@@ -152,7 +152,7 @@ fn ies(
     let profile = Profile::read(&folder.join(value.text(expected)?)).map_err(|error| value.error(error))?;
     if profile.peak <= 0.0 {
         let what = "the lamp gives no light, since all candela values of the file are 0; expected a file with light, or no such lamp";
-        warnings.push(format!("{}: {}: {what}", value.place(), value.shown()));
+        warnings.push(format!("{}: {}: {what}", value.source_line(), value.shown()));
     }
     let up = match table.get("up") {
         Some(value) => {

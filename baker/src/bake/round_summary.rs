@@ -1,7 +1,7 @@
 //! What the blocks of a page reached in a round, all together.
 
 use super::errors::{Errors, Sums, median};
-use super::local::Local;
+use super::local::LocalErrorSummary;
 use super::rounds::Round;
 use super::state::CELLS;
 use super::tracer::Tracer;
@@ -9,13 +9,13 @@ use super::unconverged::Block;
 use crate::trace::counts::RayCounts;
 
 /// A block after a round.
-pub struct Done {
+pub struct BlockResult {
     /// Column of its top left texel.
     pub x0: usize,
     /// Row of its top left texel.
     pub y0: usize,
     /// The texels of each cell that light could reach.
-    pub exposed: [u32; CELLS],
+    pub usable: [u32; CELLS],
     /// Per frame, error and light of each cell.
     pub cells: Vec<[Sums; CELLS]>,
     /// Texels that were given samples.
@@ -26,18 +26,18 @@ pub struct Done {
     pub rays: RayCounts,
 }
 
-impl Done {
+impl BlockResult {
     /// What is asked of it towards a target.
     pub fn cells(&self) -> Block<'_> {
-        Block { x0: self.x0, y0: self.y0, exposed: self.exposed, sums: &self.cells }
+        Block { x0: self.x0, y0: self.y0, usable: self.usable, sums: &self.cells }
     }
 }
 
 /// What the blocks reached, all together.
-pub fn summarise(tracer: &Tracer, done: &[Done], samples: u32, seconds: f64) -> Round {
+pub fn summarise(tracer: &Tracer, blocks: &[BlockResult], samples: u32, seconds: f64) -> Round {
     let atlas = tracer.worker.atlas;
     let mut errors = Errors::new(atlas.width as usize, atlas.height as usize, tracer.frames.len());
-    for block in done {
+    for block in blocks {
         for (frame, cells) in block.cells.iter().enumerate() {
             let mut all = Sums::default();
             cells.iter().for_each(|c| all.add(c));
@@ -48,9 +48,9 @@ pub fn summarise(tracer: &Tracer, done: &[Done], samples: u32, seconds: f64) -> 
     let mut relative = errors.relative(tracer.frames.iter().any(|parts| !parts.is_empty()));
     relative.sort_by(f64::total_cmp);
     let at = |q: f64| relative.get(((relative.len() as f64 - 1.0) * q) as usize).copied().unwrap_or(0.0);
-    let (local, local_frames) = local(tracer, done);
-    let texels: u64 = done.iter().map(|d| u64::from(d.texels)).sum();
-    let drawn: u64 = done.iter().map(|d| d.samples).sum();
+    let (local, local_frames) = local(tracer, blocks);
+    let texels: u64 = blocks.iter().map(|d| u64::from(d.texels)).sum();
+    let drawn: u64 = blocks.iter().map(|d| d.samples).sum();
     Round {
         samples,
         mean_samples: drawn as f64 / texels.max(1) as f64,
@@ -70,19 +70,22 @@ pub fn summarise(tracer: &Tracer, done: &[Done], samples: u32, seconds: f64) -> 
 }
 
 /// The local errors of all frames together, and of each.
-fn local(tracer: &Tracer, done: &[Done]) -> (Option<Local>, Vec<Option<Local>>) {
-    let grid = tracer.places.grid();
+fn local(
+    tracer: &Tracer,
+    blocks: &[BlockResult],
+) -> (Option<LocalErrorSummary>, Vec<Option<LocalErrorSummary>>) {
+    let grid = tracer.cell_map.grid();
     let (mut all, mut frames) = (Vec::new(), Vec::new());
     for frame in 0..tracer.frames.len() {
         let mut cells = vec![Sums::default(); grid.cells()];
-        for block in done {
+        for block in blocks {
             for (cell, sums) in block.cells[frame].iter().enumerate() {
                 cells[grid.of_block(block.x0, block.y0, cell)] = *sums;
             }
         }
-        let (errors, local) = tracer.places.judge(&cells);
+        let (errors, local) = tracer.cell_map.judge(&cells);
         all.extend(errors.iter().zip(&cells).map(|(error, sums)| (*error, sums.values / 3)));
         frames.push(local);
     }
-    (Local::of(all.into_iter()), frames)
+    (LocalErrorSummary::of(all.into_iter()), frames)
 }
