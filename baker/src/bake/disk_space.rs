@@ -1,10 +1,9 @@
 //! The disk that a bake takes at its peak, compared with what is free where it writes: told before light is
 //! traced, not after hours of it.
 
-use super::forecast::cache_entries;
 use super::layer_file::CHECKSUM;
 use super::layers::Layers;
-use super::layout_estimate::LayoutEstimate;
+use super::layout_estimate::{LayoutEstimate, cache_entries};
 use super::options::{Integrator, Options};
 use super::prepare::Prepared;
 use super::work::WorkFolder;
@@ -140,14 +139,6 @@ fn bytes_below(folder: &Path) -> u64 {
     entries.map(bytes).sum()
 }
 
-/// The bytes that are free to this user on the file system of a folder that may not exist yet; `None` where
-/// the system does not tell.
-pub fn free_bytes(folder: &Path) -> Option<u64> {
-    let folder = std::path::absolute(folder).ok()?;
-    let nearest = folder.ancestors().find(|path| path.exists())?;
-    dataset::system::free_bytes(nearest)
-}
-
 /// Such as `1.3 GB`, to two digits.
 pub fn in_words(bytes: u64) -> String {
     let (unit, name) = match bytes {
@@ -179,13 +170,6 @@ mod tests {
                 .all(|what| refused.contains(what)),
             "{refused}"
         );
-    }
-
-    #[test]
-    fn what_is_free_is_that_of_the_nearest_folder_that_exists() {
-        let dir = tempfile::tempdir().unwrap();
-        let free = free_bytes(&dir.path().join("not/yet"));
-        assert!(free.is_some_and(|free| free > 0), "{free:?}");
     }
 
     #[test]

@@ -2,7 +2,6 @@
 
 use super::assemble::Stored;
 use super::charts::Counts;
-use super::forecast::density;
 use super::local::COUNTED_ERRORS;
 use super::options::LayerCount;
 use super::plan::{Plan, hour};
@@ -236,4 +235,13 @@ pub fn of_bake(
         facts.push(format!("continued an earlier run that had finished {}", count(traced.resumed, "round")));
     }
     facts
+}
+
+/// Texels per metre to one decimal, or to two digits where that would show few.
+pub(super) fn density(per_metre: f64) -> String {
+    match per_metre {
+        0.95.. => format!("{per_metre:.1}"),
+        0.001.. => format!("{per_metre:.*}", 1 - per_metre.log10().floor() as usize),
+        _ => format!("{per_metre:.1e}"),
+    }
 }

@@ -4,7 +4,8 @@
 use super::cache_system;
 use super::denoise;
 use super::disk_space::{DiskSpace, IMAGE};
-use super::layout_estimate::LayoutEstimate;
+use super::facts::density;
+use super::layout_estimate::{LayoutEstimate, cache_entries};
 use super::options::Integrator;
 use super::prepare::Prepared;
 use super::rounds;
@@ -16,7 +17,6 @@ use crate::atlas::Atlas;
 use crate::geometry::Bounds;
 use crate::scene::Sky;
 use crate::surface::{BLOCK, BlockSurface, FaceBins};
-use crate::trace::cache::CacheMap;
 use crate::trace::cache_half::CacheHalf;
 use crate::trace::counts::RayCounts;
 use crate::trace::lights::Lights;
@@ -161,18 +161,6 @@ pub(super) fn extent(positions: &[Vec3]) -> [f64; 3] {
     Bounds::of(positions.iter().copied()).size().to_array()
 }
 
-/// Entries of the cache.
-pub(super) fn cache_entries(prepared: &Prepared, layout: &LayoutEstimate) -> usize {
-    let shift = solve::shift(layout.texels(), prepared.plan.layers());
-    let halvings = layout.texel_scale.ilog2();
-    // Squares smaller than a texel of the layout are so many times as many as its texels.
-    let (coarse, smaller) = (shift.saturating_sub(halvings), halvings.saturating_sub(shift));
-    let most = solve::most_entries(prepared.plan.layers());
-    let atlas = &layout.atlas;
-    let map = CacheMap::new(atlas, &prepared.geometry, (coarse, most), atlas.touched());
-    ((map.squares() << (2 * smaller)) + map.patches()).min(most.max(map.squares() << (2 * smaller)))
-}
-
 /// How many of [`ESCAPE_RAYS`] rays from points spread over the pages leave the scene.
 fn escaping_rays(
     prepared: &Prepared,
@@ -207,15 +195,6 @@ fn escaping_rays(
         (0..PER_BLOCK).filter(leaves).count()
     };
     if blocks.is_empty() { 0 } else { (0..ESCAPE_BLOCKS).into_par_iter().map(of_group).sum() }
-}
-
-/// Texels per metre to one decimal, or to two digits where that would show few.
-pub(super) fn density(per_metre: f64) -> String {
-    match per_metre {
-        0.95.. => format!("{per_metre:.1}"),
-        0.001.. => format!("{per_metre:.*}", 1 - per_metre.log10().floor() as usize),
-        _ => format!("{per_metre:.1e}"),
-    }
 }
 
 /// A length to three digits or so.

@@ -4,9 +4,11 @@
 
 use super::charts::Charts;
 use super::prepare::Prepared;
+use super::solve;
 use crate::Result;
 use crate::atlas::{Atlas, LARGEST_SIDE};
 use crate::scene::{Lightmap, LightmapSize};
+use crate::trace::cache::CacheMap;
 use crate::trace::counts::RayCounts;
 
 /// Longest side of a page in texels that is laid out as it will be.
@@ -85,6 +87,18 @@ impl LayoutEstimate {
             )
         })
     }
+}
+
+/// Entries of the cache of a bake with this layout.
+pub(super) fn cache_entries(prepared: &Prepared, layout: &LayoutEstimate) -> usize {
+    let shift = solve::shift(layout.texels(), prepared.plan.layers());
+    let halvings = layout.texel_scale.ilog2();
+    // Squares smaller than a texel of the layout are so many times as many as its texels.
+    let (coarse, smaller) = (shift.saturating_sub(halvings), halvings.saturating_sub(shift));
+    let most = solve::most_entries(prepared.plan.layers());
+    let atlas = &layout.atlas;
+    let map = CacheMap::new(atlas, &prepared.geometry, (coarse, most), atlas.touched());
+    ((map.squares() << (2 * smaller)) + map.patches()).min(most.max(map.squares() << (2 * smaller)))
 }
 
 /// The longest side of a page, as far as it is known before anything is laid out.

@@ -1,8 +1,7 @@
 //! What a bake is asked for, and what it tells when done.
 
 use super::check::Check;
-use super::denoise;
-use super::disk_space;
+use super::denoise::{self, Denoised};
 use super::local::LocalErrorSummary;
 use super::rounds::Round;
 use crate::light::extra_times;
@@ -68,7 +67,7 @@ impl Options {
             preset: Preset::Default,
             out: None,
             force: false,
-            free_bytes: disk_space::free_bytes,
+            free_bytes,
         }
     }
 }
@@ -201,19 +200,6 @@ impl Outcome {
     }
 }
 
-/// What came of denoising.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Denoised {
-    /// The method.
-    pub method: String,
-    /// Layers from which noise was taken.
-    pub layers: usize,
-    /// Those of them that this run filtered.
-    pub new_layers: usize,
-    /// Seconds that it took this run.
-    pub seconds: f64,
-}
-
 /// The local errors of a bake ([`super::local`]).
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct LocalErrors {
@@ -236,4 +222,24 @@ pub struct LayerCount {
     pub traced: usize,
     /// Kept from an earlier one.
     pub reused: usize,
+}
+
+/// The bytes that are free to this user on the file system of a folder that may not exist yet; `None` where
+/// the system does not tell.
+fn free_bytes(folder: &Path) -> Option<u64> {
+    let folder = std::path::absolute(folder).ok()?;
+    let nearest = folder.ancestors().find(|path| path.exists())?;
+    dataset::system::free_bytes(nearest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_free_is_that_of_the_nearest_folder_that_exists() {
+        let dir = tempfile::tempdir().unwrap();
+        let free = free_bytes(&dir.path().join("not/yet"));
+        assert!(free.is_some_and(|free| free > 0), "{free:?}");
+    }
 }

@@ -2,13 +2,10 @@
 
 use super::charts::Charts;
 use super::disk_space::DiskSpace;
-use super::existing;
 use super::layers::{Layers, Texel};
 use super::options::Options;
-use super::prepare::Prepared;
 use super::work::WorkFolder;
 use crate::{Error, Result};
-use dataset::observe::Observer;
 use dataset::store::Writer;
 use dataset::{files, lock, store};
 use std::ffi::OsStr;
@@ -37,17 +34,11 @@ impl OutputFolder {
     /// Creates and locks it.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where it is not a bake's, or holds a dataset that this bake would replace by less;
-    /// [`Error::Unready`] while another bake has it.
-    pub fn take(out: &Path, prepared: &Prepared, options: &Options, observer: &dyn Observer) -> Result<Self> {
-        existing::refuse_foreign_folder(
-            out,
-            prepared.scene.objects.iter().map(|object| object.file.as_path()),
-        )?;
+    /// [`Error::Invalid`] where it cannot be created or written to; [`Error::Unready`] while another bake has
+    /// it.
+    pub fn take(out: &Path) -> Result<Self> {
         create(out)?;
-        let output = OutputFolder { root: out.to_owned(), layers: Layers::new(out), _lock: lock(out)? };
-        existing::refuse_downgrade(out, prepared, options, observer)?;
-        Ok(output)
+        Ok(OutputFolder { root: out.to_owned(), layers: Layers::new(out), _lock: lock(out)? })
     }
 
     /// Its path.

@@ -1,11 +1,11 @@
 //! What the blocks of a page reached in a round, all together.
 
-use super::errors::{Errors, Sums, median};
-use super::local::LocalErrorSummary;
+use super::errors::{Errors, Parts, Sums, median};
+use super::local::{CellMap, LocalErrorSummary};
 use super::rounds::Round;
 use super::state::CELLS;
-use super::tracer::Tracer;
 use super::unconverged::Block;
+use crate::atlas::Atlas;
 use crate::trace::counts::RayCounts;
 
 /// A block after a round.
@@ -34,9 +34,15 @@ impl BlockResult {
 }
 
 /// What the blocks reached, all together.
-pub fn summarise(tracer: &Tracer, blocks: &[BlockResult], samples: u32, seconds: f64) -> Round {
-    let atlas = tracer.worker.atlas;
-    let mut errors = Errors::new(atlas.width as usize, atlas.height as usize, tracer.frames.len());
+pub fn summarise(
+    atlas: &Atlas,
+    frames: &[Parts],
+    cell_map: &CellMap,
+    blocks: &[BlockResult],
+    samples: u32,
+    seconds: f64,
+) -> Round {
+    let mut errors = Errors::new(atlas.width as usize, atlas.height as usize, frames.len());
     for block in blocks {
         for (frame, cells) in block.cells.iter().enumerate() {
             let mut all = Sums::default();
@@ -44,11 +50,11 @@ pub fn summarise(tracer: &Tracer, blocks: &[BlockResult], samples: u32, seconds:
             errors.add(frame, block.x0, block.y0, &all);
         }
     }
-    let frame_means: Vec<f64> = (0..tracer.frames.len()).map(|s| errors.frame(s).mean()).collect();
-    let mut relative = errors.relative(tracer.frames.iter().any(|parts| !parts.is_empty()));
+    let frame_means: Vec<f64> = (0..frames.len()).map(|s| errors.frame(s).mean()).collect();
+    let mut relative = errors.relative(frames.iter().any(|parts| !parts.is_empty()));
     relative.sort_by(f64::total_cmp);
     let at = |q: f64| relative.get(((relative.len() as f64 - 1.0) * q) as usize).copied().unwrap_or(0.0);
-    let (local, local_frames) = local(tracer, blocks);
+    let (local, local_frames) = local(frames.len(), cell_map, blocks);
     let texels: u64 = blocks.iter().map(|d| u64::from(d.texels)).sum();
     let drawn: u64 = blocks.iter().map(|d| d.samples).sum();
     Round {
@@ -58,7 +64,7 @@ pub fn summarise(tracer: &Tracer, blocks: &[BlockResult], samples: u32, seconds:
         median_error: median(&relative),
         p95_error: at(0.95),
         worst_error: at(1.0),
-        frame_errors: (0..tracer.frames.len()).map(|s| errors.relative_of_frame(s)).collect(),
+        frame_errors: (0..frames.len()).map(|s| errors.relative_of_frame(s)).collect(),
         frame_means,
         local,
         local_frames,
@@ -71,21 +77,22 @@ pub fn summarise(tracer: &Tracer, blocks: &[BlockResult], samples: u32, seconds:
 
 /// The local errors of all frames together, and of each.
 fn local(
-    tracer: &Tracer,
+    frames: usize,
+    cell_map: &CellMap,
     blocks: &[BlockResult],
 ) -> (Option<LocalErrorSummary>, Vec<Option<LocalErrorSummary>>) {
-    let grid = tracer.cell_map.grid();
-    let (mut all, mut frames) = (Vec::new(), Vec::new());
-    for frame in 0..tracer.frames.len() {
+    let grid = cell_map.grid();
+    let (mut all, mut of_frames) = (Vec::new(), Vec::new());
+    for frame in 0..frames {
         let mut cells = vec![Sums::default(); grid.cells()];
         for block in blocks {
             for (cell, sums) in block.cells[frame].iter().enumerate() {
                 cells[grid.of_block(block.x0, block.y0, cell)] = *sums;
             }
         }
-        let (errors, local) = tracer.cell_map.judge(&cells);
+        let (errors, local) = cell_map.judge(&cells);
         all.extend(errors.iter().zip(&cells).map(|(error, sums)| (*error, sums.values / 3)));
-        frames.push(local);
+        of_frames.push(local);
     }
-    (LocalErrorSummary::of(all.into_iter()), frames)
+    (LocalErrorSummary::of(all.into_iter()), of_frames)
 }

@@ -46,7 +46,8 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-pub use super::options::{Denoise, Denoised, Integrator, LayerCount, LocalErrors, Options, Outcome, Preset};
+pub use super::denoise::Denoised;
+pub use super::options::{Denoise, Integrator, LayerCount, LocalErrors, Options, Outcome, Preset};
 pub use super::prepare::{Prepared, prepare};
 
 /// Bakes a scene into a dataset.
@@ -63,7 +64,9 @@ pub fn bake(scene_file: &Path, options: &Options, console: &dyn Observer) -> Res
         existing::refresh(&out, &settings)?;
         return Ok(outcome);
     }
-    let output = OutputFolder::take(&out, &prepared, options, console)?;
+    existing::refuse_foreign_folder(&out, prepared.scene.objects.iter().map(|object| object.file.as_path()))?;
+    let output = OutputFolder::take(&out)?;
+    existing::refuse_downgrade(&out, &prepared, options, console)?;
     let (layout, charts) = unwrap(&prepared, &output, options, console)?;
     let mut writer =
         output.begin(&DiskSpace::still_needed(&prepared, &layout, &out, options), options, charts)?;

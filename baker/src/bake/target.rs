@@ -4,7 +4,7 @@
 use super::errors::{Parts, Sums};
 use super::layers::{FilteredLayer, Layers, Part, Texel};
 use super::local::{CellMap, LocalErrorSummary, Pieces};
-use super::unconverged::UnconvergedCells;
+use super::unconverged::{TargetJudgement, UnconvergedCells};
 use super::value::Value;
 use crate::Result;
 
@@ -24,14 +24,6 @@ pub struct StoredLight<'a> {
     pub cell_map: &'a CellMap,
     /// Width of the page.
     pub width: usize,
-}
-
-/// What came of judging light.
-pub struct TargetJudgement {
-    /// The cells that miss the target in some frame.
-    pub unconverged: UnconvergedCells,
-    /// Local errors of all frames together; `None` without light.
-    pub local: Option<LocalErrorSummary>,
 }
 
 impl StoredLight<'_> {

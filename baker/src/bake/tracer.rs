@@ -16,8 +16,7 @@ use super::rounds::{Limits, Round, Traced, note, schedule, stops};
 use super::solve::{self, Covered};
 use super::state::{BlockState, CELLS};
 use super::step::Step;
-use super::target::TargetJudgement;
-use super::unconverged::UnconvergedCells;
+use super::unconverged::{TargetJudgement, UnconvergedCells};
 use super::work::{DIRECT, PIVOT, ROUNDS, UNSETTLED, WorkFolder};
 use crate::Result;
 use crate::surface::BlockSurface;
@@ -229,7 +228,14 @@ impl Tracer<'_> {
             if traced.rays.endless > 0 {
                 return Err(endless_light::error(self.worker.transport.space.geometry));
             }
-            let mut reached = summarise(self, &done, target, before + start.elapsed().as_secs_f64());
+            let mut reached = summarise(
+                self.worker.atlas,
+                &self.frames,
+                self.cell_map,
+                &done,
+                target,
+                before + start.elapsed().as_secs_f64(),
+            );
             let number = step.round;
             reached.is_late = late.into_inner();
             if !reached.is_late {

@@ -5,7 +5,7 @@
 //! mean over both would be too dark. The texels around know of paths that this cell's have not found.
 
 use super::errors::Sums;
-use super::local::{CellMap, Grid, error};
+use super::local::{CellMap, Grid, LocalErrorSummary, error};
 use super::state::CELLS;
 
 /// Cells so far to every side are asked: paths that one sample in some ten thousand finds are known to them
@@ -39,6 +39,14 @@ pub struct Block<'a> {
     pub usable: [u32; CELLS],
     /// Per frame, error and light of each cell, over the texels that have seen any.
     pub sums: &'a [[Sums; CELLS]],
+}
+
+/// What came of judging light.
+pub struct TargetJudgement {
+    /// The cells that miss the target in some frame.
+    pub unconverged: UnconvergedCells,
+    /// Local errors of all frames together; `None` without light.
+    pub local: Option<LocalErrorSummary>,
 }
 
 impl UnconvergedCells {

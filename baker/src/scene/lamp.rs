@@ -2,7 +2,7 @@
 
 use super::colour::{KELVIN, black_body};
 use super::raw::Table;
-use super::{Group, Lamp, Profile, load, schedule};
+use super::{Baked, Group, Lamp, Profile, schedule};
 use dataset::Result;
 use glam::DVec3;
 use std::f64::consts::PI;
@@ -62,7 +62,7 @@ pub(super) fn read(
         for t in table.tables("point", POINT)? {
             lamps.push(point(&t, folder, warnings)?);
         }
-        groups.push(Group { name: name.to_owned(), on, lamps, baked: load::baked(&table)? });
+        groups.push(Group { name: name.to_owned(), on, lamps, baked: Baked::read(&table)? });
     }
     Ok((groups, names))
 }

@@ -77,9 +77,9 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
         _ => None,
     };
     let ground_is_written = of_sky.as_ref().is_some_and(|table| table.get("ground").is_some());
-    let sky_baked = of_sky.as_ref().map(baked).transpose()?.unwrap_or_default();
+    let sky_baked = of_sky.as_ref().map(Baked::read).transpose()?.unwrap_or_default();
     let of_sun = top.table("sun", SUN_KEYS)?;
-    let sun_baked = of_sun.as_ref().map(baked).transpose()?.unwrap_or_default();
+    let sun_baked = of_sun.as_ref().map(Baked::read).transpose()?.unwrap_or_default();
     let sun_visibility = of_sun.as_ref().map(|table| visibility(table, sun_baked)).transpose()?.flatten();
     let sun = of_sun.map(|t| self::sun(&t, location.is_some(), sky.as_ref())).transpose()?;
     let find_portals = of_sky.as_ref().and_then(|table| table.get("find_portals"));
@@ -238,18 +238,6 @@ fn sun(table: &Table, has_location: bool, sky: Option<&Sky>) -> Result<Sun> {
         }
     };
     Ok(Sun { disc_angle, track })
-}
-
-/// Reads `baked` of a light.
-pub(super) fn baked(table: &Table) -> Result<Baked> {
-    let expected = r#""all", "indirect" or "none""#;
-    let Some(value) = table.get("baked") else { return Ok(Baked::All) };
-    match value.text(expected)? {
-        "all" => Ok(Baked::All),
-        "indirect" => Ok(Baked::Indirect),
-        "none" => Ok(Baked::None),
-        _ => Err(value.error(format!("expected {expected}"))),
-    }
 }
 
 /// Reads `visibility` of the sun, of which this much is baked.

@@ -207,6 +207,18 @@ impl Baked {
     pub fn is_all(&self) -> bool {
         *self == Baked::All
     }
+
+    /// Reads `baked` of a light.
+    fn read(table: &raw::Table) -> Result<Self> {
+        let expected = r#""all", "indirect" or "none""#;
+        let Some(value) = table.get("baked") else { return Ok(Baked::All) };
+        match value.text(expected)? {
+            "all" => Ok(Baked::All),
+            "indirect" => Ok(Baked::Indirect),
+            "none" => Ok(Baked::None),
+            _ => Err(value.error(format!("expected {expected}"))),
+        }
+    }
 }
 
 impl From<Baked> for dataset::config::Baked {

@@ -18,7 +18,6 @@ mod tests;
 
 use super::block::Worker;
 use super::layers::{FilteredLayer, Layers, Part, Texel};
-use super::options::Denoised;
 use super::value::{Filtered, Value};
 use crate::trace::counts::RayCounts;
 use crate::{Result, Rgb};
@@ -28,6 +27,7 @@ use kernels::{ERROR_RADIUS, FILTERS, Kernel};
 use mix::{Around, ErrorMatrix, Halves, apply_mixtures, halves};
 use neighbours::{Nearby, Neighbour, REACH, TexelsInSpace};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::Mutex;
@@ -40,6 +40,19 @@ pub const METHOD: &str = "own-1";
 pub const LAYERS_AT_ONCE: usize = 16;
 /// Layers whose files are open at once.
 pub const OPEN_FILES: usize = 200;
+
+/// What came of denoising.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Denoised {
+    /// The method.
+    pub method: String,
+    /// Layers from which noise was taken.
+    pub layers: usize,
+    /// Those of them that this run filtered.
+    pub new_layers: usize,
+    /// Seconds that it took this run.
+    pub seconds: f64,
+}
 
 /// Denoises layers, and keeps account of it.
 pub struct Denoiser {
