@@ -66,7 +66,7 @@ pub struct Atlas {
     pub charts: u32,
     /// Triangles that got no texels though their instance is lightmapped (zero area), for the report.
     pub degenerate: usize,
-    /// What was left out because nobody can see it.
+    /// What is omitted because nobody can see it.
     pub skipped: Skipped,
     /// Fraction of the pages' texels that a chart touches, padding excluded.
     pub utilisation: f64,

@@ -46,7 +46,7 @@ impl DirectBudget {
         DirectBudget { log2: byte & 15, halvings: byte >> 4 }
     }
 
-    /// The direct samples *in each half* that go with `samples` of indirect light *in both*: where trial
+    /// The direct samples *in each half* that go with `samples` of indirect light *in both*: where pilot
     /// samples did not differ (`log2` 0) one for 32, for they may all have missed a thin shadow; elsewhere
     /// samples × 2^(log2 − [`LOG2_TWICE`]).
     fn samples(self, samples: u32, first: u16) -> u16 {

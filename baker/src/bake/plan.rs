@@ -176,7 +176,7 @@ impl Plan {
         }
     }
 
-    /// The digest of each layer: of `base` (all that decides a texel but light) and of what shines in it.
+    /// The digest of each layer: of `base` (all that decides a texel but light) and of the emitters in it.
     pub fn digests(&self, scene: &Scene, base: &blake3::Hash) -> Result<Vec<String>> {
         (0..self.layers())
             .map(|layer| {

@@ -1,4 +1,4 @@
-//! Light groups for what shines in geometry files.
+//! Light groups for the emitters in geometry files.
 
 use super::Emission;
 use super::model::FileMaterial;
@@ -17,7 +17,7 @@ const REST: &str = "file";
 /// The brightest light, in kcd or klx.
 pub(super) const BRIGHTEST: f64 = 1e12;
 
-/// What shines in geometry files and belongs among the lights of the scene.
+/// The emitters in geometry files that belong among the lights of the scene.
 #[derive(Clone, Debug, Default)]
 pub struct FileLights {
     /// Groups that follow those of the scene file; lit all day.

@@ -18,7 +18,7 @@ use std::f32::consts::PI;
 pub struct Shader<'a> {
     /// The scene, and paths in it.
     pub transport: Transport<'a>,
-    /// What shines.
+    /// The emitters.
     pub light: &'a Light,
     /// Its light on surfaces with texels.
     pub baked: &'a Baked,

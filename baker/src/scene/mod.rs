@@ -97,7 +97,7 @@ impl Scene {
     /// A model by itself, in its own unit: no light, and every default.
     ///
     /// # Errors
-    /// A file that is none of a model, or is not there.
+    /// A file that is no model, or is not there.
     pub fn of_model(file: &Path) -> Result<Scene> {
         if !object::is_model(file) {
             return Err(Error::invalid(file.display(), "expected a model: an .obj, .gltf or .glb file"));

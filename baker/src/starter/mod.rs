@@ -38,7 +38,7 @@ pub struct Found {
     pub texels_per_metre: f64,
     /// Window-like openings, metres.
     pub portals: Vec<Portal>,
-    /// Light groups of what shines in it.
+    /// Light groups of the emitters in it.
     pub groups: Vec<String>,
     /// The directional light that would be its sun.
     pub sun: Option<SunKey>,

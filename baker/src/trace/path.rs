@@ -32,7 +32,7 @@ const ENDLESS_WEIGHT: f32 = 10.0;
 pub struct Transport<'a> {
     /// What light moves in.
     pub space: Space<'a>,
-    /// What shines.
+    /// The emitters.
     pub lights: &'a Lights,
     /// Most reflections, `None` for no limit.
     pub(super) bounces: Option<u32>,
