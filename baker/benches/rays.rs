@@ -6,8 +6,8 @@ use baker::geometry::{Geometry, Material};
 use baker::scene::load as load_scene;
 use baker::trace::backend::Backend;
 use baker::trace::bvh8::{Bvh8, Tier};
-use baker::trace::rays::{Rays, offset_point};
-use baker::trace::sampler::{Kind, Sequence};
+use baker::trace::ray_tracer::{RayTracer, offset_point};
+use baker::trace::sampler::{Sequence, SequenceKind};
 use glam::{Vec3, vec3};
 use std::path::Path;
 
@@ -63,7 +63,7 @@ fn terrain(n: usize) -> Geometry {
 
 /// Rays from random triangles, about as the cosine of their front.
 fn rays(g: &Geometry, count: u32) -> Vec<Ray> {
-    let sequence = Sequence::new(1, Kind::Texel, 0, 0);
+    let sequence = Sequence::new(1, SequenceKind::Texel, 0, 0);
     (0..count)
         .map(|i| {
             let s = sequence.sample(i);
@@ -95,12 +95,12 @@ fn measure(name: &str, g: &Geometry, count: u32) {
     for tier in Tier::ALL {
         let bvh = bvh.clone().with_tier(tier);
         if bvh.tier() == tier {
-            report(&format!("obvhs {tier:?}"), &Rays::with_hierarchy(g, bvh), &queries);
+            report(&format!("obvhs {tier:?}"), &RayTracer::with_hierarchy(g, bvh), &queries);
         }
     }
     if Backend::Embree.is_built() {
         let start = cpu_secs();
-        match Rays::with_backend(g, Backend::Embree) {
+        match RayTracer::with_backend(g, Backend::Embree) {
             Ok(embree) => {
                 println!("  (embree built in {:.2} s)", cpu_secs() - start);
                 report("embree", &embree, &queries);
@@ -110,7 +110,7 @@ fn measure(name: &str, g: &Geometry, count: u32) {
     }
 }
 
-fn report(name: &str, rays: &Rays, queries: &[Ray]) {
+fn report(name: &str, rays: &RayTracer, queries: &[Ray]) {
     let nearest = rate(queries, |q| rays.nearest(q.origin, q.direction, q.from).is_some());
     let any = rate(queries, |q| rays.occluded(q.origin, q.direction, f32::INFINITY, q.from));
     println!("  {name:14} closest {nearest:5.2}  any {any:5.2} Mrays/s");

@@ -24,18 +24,18 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let height: usize = rest.first().map_or(Ok(512), |text| text.parse())?;
     let (scene, _) = scene::load(&PathBuf::from(file))?;
-    let place = scene.place.as_ref();
+    let location = scene.location.as_ref();
     let folder = PathBuf::from(folder);
     fs::create_dir_all(&folder)?;
 
     let hours = schedule::parse_hours(hours)?.list;
     let mut entries = Vec::new();
     for &hour in &hours {
-        let disc = scene.sun.as_ref().and_then(|s| sun::at(s, place, hour));
+        let disc = scene.sun.as_ref().and_then(|s| sun::at(s, location, hour));
         let below = match (scene.ground, &scene.sky) {
             (Some(albedo), Some(sky)) => {
                 let of_sun = disc.as_ref().map_or(Vec3::ZERO, |disc| ground::under_sun(albedo, disc));
-                ground::under_sky(albedo, sky, place, hour) + of_sun
+                ground::under_sky(albedo, sky, location, hour) + of_sun
             }
             _ => Vec3::ZERO,
         };
@@ -44,7 +44,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             json!({ "direction": d.direction.to_array(), "irradiance": d.irradiance.to_array(), "angle": degrees })
         });
         // The very table that the baker looks up.
-        let table = SkyTable::new(scene.sky.as_ref(), place, &[hour]);
+        let table = SkyTable::new(scene.sky.as_ref(), location, &[hour]);
         let name = format!("sky-{hour:07.4}.f32");
         let mut bytes = Vec::with_capacity(24 * height * height);
         for row in 0..height {

@@ -6,7 +6,7 @@ use baker::bake::existing::{REPORT, replacement_note};
 use baker::bake::facts::{skipped, unwrapped};
 use baker::bake::forecast::{ESCAPE_RAYS, Forecast, forecast, scale};
 use baker::bake::layout_estimate::LayoutEstimate;
-use baker::bake::local::Local;
+use baker::bake::local::LocalErrorSummary;
 use baker::bake::plan::hour;
 use baker::bake::run::{Denoise, Integrator, Options, Outcome, Preset, bake, prepare};
 use baker::bake::views;
@@ -75,7 +75,7 @@ struct Args {
     /// Bake up to N additional times where interpolating sunlight and skylight between the hours of a range
     /// would err by more than 5 %, as at dusk. They are chosen before any ray is traced; --plan lists them.
     /// 0: none.
-    #[arg(long, value_name = "N", default_value_t = extra_times::MOST)]
+    #[arg(long, value_name = "N", default_value_t = extra_times::MOST_EXTRA_TIMES)]
     extra_times: u32,
     /// Bake the scene under each spherical harmonic of bands 0 to 3 instead of its own sun, sky and lamps,
     /// into dataset/<scene>-transfer: what `compress compare DATASET --transfer` needs for its comparison
@@ -316,13 +316,14 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
     let unwrapped = unwrapped(charts.counts());
     charts.keep(&out);
     // (What a coarser layout would warn of need not be so in a bake.)
-    let (of_layout, notes) = match layout.finer == 1 {
+    let (of_layout, notes) = match layout.texel_scale == 1 {
         true => (layout.atlas.warnings.clone(), layout.atlas.notes.clone()),
         false => (Vec::new(), layout.in_words().into_iter().collect()),
     };
     of_layout.iter().for_each(|w| console.warn(w));
     let forecast = forecast(&prepared, &layout)?;
-    let (left, free) = (DiskSpace::left(&prepared, &layout, &out, options), (options.free_bytes)(&out));
+    let (left, free) =
+        (DiskSpace::still_needed(&prepared, &layout, &out, options), (options.free_bytes)(&out));
     say_forecast(&forecast, free, console);
     let layout = unwrapped.into_iter().chain(skipped(&layout.atlas)).chain(notes);
     layout.for_each(|what| console.print(format!("  {what}")));
@@ -335,16 +336,16 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
             percent(time.error_after)
         ));
     });
-    if let Some(course) = &prepared.course {
+    if let Some(visibility_times) = &prepared.visibility_times {
         console.print(format!(
             "  find the sun's visibility at {}, every {} min where it changes",
-            count(course.hours.len(), "time"),
-            course.minutes
+            count(visibility_times.hours.len(), "time"),
+            visibility_times.minutes
         ));
     }
     plan.skipped.iter().for_each(|reason| console.print(format!("  {reason}")));
     let existing = replacement_note(&prepared, options)?.or_else(|| {
-        let refused = left.expect_space(&out, free).err()?;
+        let refused = left.check_free_space(&out, free).err()?;
         Some(format!("this bake would be refused: {refused}"))
     });
     existing.iter().for_each(|what| console.print(format!("  {what}")));
@@ -356,9 +357,9 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
         "times": times,
         "extra_times": plan.extra_times,
         "layers": layers,
-        "visibility": prepared.course.as_ref().map(|course| json!({
-            "times": course.hours.len(),
-            "minutes": course.minutes,
+        "visibility": prepared.visibility_times.as_ref().map(|visibility_times| json!({
+            "times": visibility_times.hours.len(),
+            "minutes": visibility_times.minutes,
         })),
         "skipped": plan.skipped,
         "existing": existing,
@@ -396,7 +397,7 @@ fn say_forecast(forecast: &Forecast, free: Option<u64>, console: &Console) {
     console.print(format!(
         "  {} of {width} × {height} texels, {}{} covered",
         count(forecast.pages as usize, "page"),
-        if forecast.finer > 1 { "about " } else { "" },
+        if forecast.texel_scale > 1 { "about " } else { "" },
         forecast.texels
     ));
     console.print(format!(
@@ -421,7 +422,7 @@ fn say_forecast(forecast: &Forecast, free: Option<u64>, console: &Console) {
 
 /// Such as
 /// `median cell 1.6 %, 95th percentile 5.2 %; above 5 / 10 / 20 %: 5.3 / 0.4 / 0.0 % of the texels`.
-fn in_words(local: &Local) -> String {
+fn in_words(local: &LocalErrorSummary) -> String {
     let percent = |share: f64| format!("{:.1}", share * 100.0);
     format!(
         "median cell {} %, 95th percentile {} %; above 5 / 10 / 20 %: {} % of the texels",

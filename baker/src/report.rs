@@ -3,7 +3,7 @@
 use crate::Result;
 use crate::bake::check::{Check, FrameCheck};
 use crate::bake::existing::ERRORS;
-use crate::bake::local::{LEAST, Local, PICTURE_STEP, VISIBLE};
+use crate::bake::local::{LEAST_IRRADIANCE, LocalErrorSummary, PICTURE_STEP, VISIBLE_PART};
 use crate::bake::run::{Integrator, Outcome};
 use crate::bake::state::CELL;
 use dataset::console::count;
@@ -16,12 +16,12 @@ use dataset::view::View;
 
 /// Local error against run time: as traced, and of rounds that were denoised, and in the end, what was left.
 fn error_plot(outcome: &Outcome) -> Plot {
-    let line = |name: &str, value: fn(&Local) -> f64| {
+    let line = |name: &str, value: fn(&LocalErrorSummary) -> f64| {
         let points =
             outcome.rounds.iter().filter_map(|r| Some((r.seconds, value(r.local.as_ref()?) * 100.0)));
         (name.to_owned(), points.collect())
     };
-    let denoised = |name: &str, value: fn(&Local) -> f64| {
+    let denoised = |name: &str, value: fn(&LocalErrorSummary) -> f64| {
         let judged = outcome.rounds.iter().filter_map(|r| Some((r.seconds, r.denoised?)));
         let last = outcome.rounds.last().filter(|_| outcome.denoised.is_some());
         let last = last.filter(|r| r.denoised.is_none()).and_then(|r| Some((r.seconds, outcome.local.all?)));
@@ -56,8 +56,8 @@ fn add_local(section: &mut Section, outcome: &Outcome, dataset: &Dataset) -> Res
         "The estimated standard error of cells of 16×16 texels, each texel relative to the mean light of its chart's part of the cell: what \
          shows as blotches. Light that is darker than 1/{:.0} of the median of what is seen from there, or than {:.0} µlx, counts as that bright. \
          Cells count by their texels. The bias of the cache is not in it (--check measures it).",
-        1.0 / VISIBLE,
-        LEAST * 1e9
+        1.0 / VISIBLE_PART,
+        LEAST_IRRADIANCE * 1e9
     ));
     if let Some(picture) = error_picture(outcome, dataset)? {
         section.row(&[picture]);
@@ -76,9 +76,9 @@ fn add_local(section: &mut Section, outcome: &Outcome, dataset: &Dataset) -> Res
         section.paragraph(&format!("{}.", capitalised(what)));
     });
     let percent = |v: f64| format!("{:.1}", v * 100.0);
-    let row = |hour: String, local: &Option<Local>| match local {
+    let row = |hour: String, local: &Option<LocalErrorSummary>| match local {
         None => vec![hour, "no light".to_owned()],
-        Some(Local { median, p95, worst, over }) => [median, p95, worst]
+        Some(LocalErrorSummary { median, p95, worst, over }) => [median, p95, worst]
             .into_iter()
             .chain(over)
             .map(|v| percent(*v))
@@ -206,7 +206,7 @@ fn add_check(section: &mut Section, outcome: &Outcome, check: &Check) {
          bias. As many texels of each octave of light were chosen as there are.",
     );
     let row = |s: &FrameCheck| {
-        let cell = |place| match s.estimates.iter().find(|estimate| estimate.place == place) {
+        let cell = |rank| match s.estimates.iter().find(|estimate| estimate.rank == rank) {
             Some(estimate) => match (estimate.ratio(), estimate.measured, estimate.standard_error) {
                 (Some(ratio), Some(measured), Some(error)) => {
                     format!("{ratio:.2} ± {:.2} ({:.1})", ratio * error, measured * 100.0)
@@ -226,7 +226,7 @@ fn add_check(section: &mut Section, outcome: &Outcome, check: &Check) {
         capitalised(&worst_eighth(outcome, check))
     ));
     let row = |s: &FrameCheck| {
-        let cell = |place| match s.eighths.iter().find(|e| e.place == place) {
+        let cell = |rank| match s.eighths.iter().find(|e| e.rank == rank) {
             Some(e) => format!("{:+.1} ± {:.1}", e.difference * 100.0, e.standard_error * 100.0),
             None => "–".to_owned(),
         };

@@ -300,7 +300,7 @@ fn clip(triangle: &[DVec2; 3], corner: DVec2) -> Polygon {
 mod tests {
     use super::*;
     use crate::atlas::Face;
-    use crate::trace::sampler::{Kind, Sequence};
+    use crate::trace::sampler::{Sequence, SequenceKind};
     use glam::vec2;
 
     fn atlas(width: u32, height: u32, corners: &[[Vec2; 3]]) -> Atlas {
@@ -351,7 +351,7 @@ mod tests {
         let s = BlockSurface::new(&a, &FaceBins::new(&a), 0);
         let texel = 1;
         assert!(s.is_covered(texel));
-        let sequence = Sequence::new(1, Kind::Texel, 0, 0);
+        let sequence = Sequence::new(1, SequenceKind::Texel, 0, 0);
         for i in 0..64 {
             let b = s.sample(&a, texel, sequence.sample(i).pair(0)).barycentric.as_dvec3();
             let corners = a.faces[0].corners.map(DVec2::from);
@@ -407,7 +407,7 @@ mod tests {
             ],
         );
         let s = BlockSurface::new(&a, &FaceBins::new(&a), 0);
-        let sequence = Sequence::new(1, Kind::Texel, 0, 0);
+        let sequence = Sequence::new(1, SequenceKind::Texel, 0, 0);
         let mut count = [0u32; 16];
         let n = 16_000;
         for i in 0..n {

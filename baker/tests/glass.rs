@@ -12,8 +12,8 @@ use baker::trace::backend::Backend;
 use baker::trace::counts::RayCounts;
 use baker::trace::lights::{GroupLight, Lights, SunLight};
 use baker::trace::path::{Transport, sun_sample};
-use baker::trace::rays::Rays;
-use baker::trace::sampler::{Kind, Sequence};
+use baker::trace::ray_tracer::RayTracer;
+use baker::trace::sampler::{Sequence, SequenceKind};
 use baker::trace::space::Space;
 use glam::{DVec3, Vec2, Vec3, dvec3, vec3};
 use std::f32::consts::PI;
@@ -102,17 +102,17 @@ fn group(g: &Geometry, lamps: &[Lamp]) -> Lights {
     let emission = g.materials.iter().map(|m| m.emission.map_or(Vec3::ZERO, |e| e.radiance)).collect();
     let sampler = GroupSampler::new(lamps, &emitters(g, 0), DVec3::ZERO);
     let groups = vec![GroupLight { sampler, emission, has_maps: false, key: 7 }];
-    Lights { groups, place_of_group: vec![Some(0)], ..Lights::none() }
+    Lights { groups, index_of_group: vec![Some(0)], ..Lights::none() }
 }
 
 /// Layer 0 at POINT over scrambles: one mean per scramble.
 fn means(backend: Backend, g: &Geometry, lights: &Lights, samples: u32) -> Vec<Rgb> {
-    let rays = Rays::with_backend(g, backend).expect("a built backend starts");
+    let rays = RayTracer::with_backend(g, backend).expect("a built backend starts");
     let transport = Transport::new(Space::new(g, &rays), lights, None);
     let at = transport.space.receiver(&POINT).expect("a normal");
     let mut counts = RayCounts::default();
     let mut of_scramble = |scramble: u64| {
-        let sequence = Sequence::new(11, Kind::Texel, scramble as u32, 0);
+        let sequence = Sequence::new(11, SequenceKind::Texel, scramble as u32, 0);
         let mut out = vec![Rgb::ZERO; lights.layers()];
         for sample in (0..samples).map(|i| sequence.sample(i)) {
             for light in 0..lights.sampled() {
@@ -275,7 +275,7 @@ fn emission_behind_glass_is_sampled_and_met() {
 }
 
 #[test]
-fn a_portal_looks_for_the_sky_through_glass() {
+fn a_portal_looks_for_the_sky_transmittance_of_glass() {
     // A black box of 100 × 1 × 100 m with a hole of 1 × 1 m in its lid, a metre above the point.
     let mut g = floor([TINT, Vec3::ONE], 0.0);
     let mut lid = |x: [f32; 2], z: [f32; 2]| {
@@ -297,7 +297,7 @@ fn a_portal_looks_for_the_sky_through_glass() {
     let scene = Scene {
         name: "portal".to_owned(),
         description: String::new(),
-        place: None,
+        location: None,
         sun: None,
         sky: Some(Sky::Constant { radiance: DVec3::ONE }),
         sun_baked: Baked::All,
@@ -378,8 +378,8 @@ fn a_texture_says_how_much_passes_where() {
     quad(&mut g, vec3(0.0, 1.0, 0.0), Vec3::X, Vec3::NEG_Z, 1);
     let through = |g: &Geometry, u: f32| {
         let found = Backend::built().map(|backend| {
-            let rays = Rays::with_backend(g, backend).expect("a built backend starts");
-            rays.through(vec3(u, 0.0, -0.37), Vec3::Y, f32::INFINITY, u32::MAX)
+            let rays = RayTracer::with_backend(g, backend).expect("a built backend starts");
+            rays.transmittance(vec3(u, 0.0, -0.37), Vec3::Y, f32::INFINITY, u32::MAX)
         });
         let found: Vec<Vec3> = found.collect();
         assert!(found.iter().all(|v| v.abs_diff_eq(found[0], 1e-5)), "{found:?}");
@@ -408,7 +408,7 @@ fn glass_is_no_wall_and_no_body() {
     g.materials.iter_mut().for_each(|m| m.two_sided = false);
     cube_facing(&mut g, false);
     for backend in Backend::built() {
-        let rays = Rays::with_backend(&g, backend).expect("a built backend starts");
+        let rays = RayTracer::with_backend(&g, backend).expect("a built backend starts");
         let space = Space::new(&g, &rays).with_solids(Solids::new(&g));
         let mut counts = RayCounts::default();
         let (at, behind) = (space.receiver(&POINT).unwrap(), space.receiver_on(&POINT, true).unwrap());
@@ -419,7 +419,7 @@ fn glass_is_no_wall_and_no_body() {
     }
     // As an opaque body it does hide.
     g.glass.clear();
-    let rays = Rays::new(&g);
+    let rays = RayTracer::new(&g);
     let space = Space::new(&g, &rays).with_solids(Solids::new(&g));
     assert!(space.is_inside(&space.receiver(&POINT).unwrap(), &mut RayCounts::default()));
 }
@@ -432,15 +432,21 @@ fn a_pane_is_one_pane_where_its_triangles_meet() {
     {
         let mut g = floor([TINT, Vec3::ONE], 0.0);
         quad(&mut g, 8.0 * Vec3::Y - 2.0 * (u + v), 4.0 * u, 4.0 * v, 1);
-        let rays = Rays::new(&g);
+        let rays = RayTracer::new(&g);
         for along in [0.25, 0.5, 1.0] {
             for (height, direction) in [(4.0, Vec3::Y), (12.0, Vec3::NEG_Y)] {
                 let from = (u + v) * along + Vec3::Y * height;
-                assert_eq!(rays.through(from, direction, 6.0, u32::MAX), TINT, "{u} {v} {along} {direction}");
+                assert_eq!(
+                    rays.transmittance(from, direction, 6.0, u32::MAX),
+                    TINT,
+                    "{u} {v} {along} {direction}"
+                );
                 let first = rays.nearest(from, direction, u32::MAX).expect("the pane");
-                let mut passed = baker::trace::rays::Passed::default();
+                let mut passed = baker::trace::ray_tracer::PassedGlass::default();
                 passed.add(&first);
-                assert!(rays.beyond(from, direction, u32::MAX, &passed).is_none_or(|hit| hit.t > 5.0));
+                assert!(
+                    rays.nearest_behind(from, direction, u32::MAX, &passed).is_none_or(|hit| hit.t > 5.0)
+                );
             }
         }
     }

@@ -93,7 +93,9 @@ fn the_least_scene_has_the_documented_defaults() {
     let (scene, warnings) = write(folder.path(), "[[object]]\nfile = \"triangle.obj\"\n").unwrap();
     assert_eq!(warnings, Vec::<String>::new());
     assert_eq!(scene.name, "yard");
-    assert!(scene.place.is_none() && scene.sun.is_none() && scene.sky.is_none() && scene.groups.is_empty());
+    assert!(
+        scene.location.is_none() && scene.sun.is_none() && scene.sky.is_none() && scene.groups.is_empty()
+    );
     assert!(matches!(scene.lightmap.size, LightmapSize::Fixed { width: 512, height: 512 }));
     assert_eq!(
         (scene.lightmap.padding, scene.bake.samples, scene.bake.bounces, scene.bake.seed),
@@ -184,10 +186,10 @@ fn a_full_scene_resolves_to_what_it_says() {
     assert_eq!(warnings.len(), 1, "{warnings:?}");
     assert!(warnings[0].contains("yard.toml:21: albedo = 0.99"), "{warnings:?}");
     assert_eq!(scene.name, "full-yard");
-    assert_eq!(scene.place.unwrap().date, (2026, 6, 21));
+    assert_eq!(scene.location.unwrap().date, (2026, 6, 21));
     assert!(matches!(scene.sky, Some(Sky::HosekWilkie { turbidity: 5.0, ground_albedo: 0.2 })));
     // The sun takes the sky's turbidity.
-    assert!(matches!(scene.sun.as_ref().unwrap().track, SunTrack::Place { turbidity: 5.0 }));
+    assert!(matches!(scene.sun.as_ref().unwrap().track, SunTrack::Computed { turbidity: 5.0 }));
     assert_eq!(scene.groups[0].on, [[18.0, 6.5]]);
     assert_eq!(scene.groups[1].on, [[0.0, 24.0]]);
 
@@ -197,7 +199,7 @@ fn a_full_scene_resolves_to_what_it_says() {
     let up = object.world_from_file[0].transform_point3(DVec3::Y - dvec3(1.0, 2.0, 3.0));
     assert_eq!(up, dvec3(12.0, 0.0, 0.0));
     assert!(object.world_from_file[1].determinant() < 0.0);
-    assert_eq!(object.parts[0].look.group.as_deref(), Some("porch"));
+    assert_eq!(object.parts[0].overrides.group.as_deref(), Some("porch"));
 
     // Lumens come back when the lamp's light is integrated (1 unit = 1000 lm).
     let luminance = |rgb: DVec3| rgb.dot(dvec3(0.2126390, 0.7151687, 0.0721923));

@@ -14,8 +14,8 @@ use baker::trace::backend::Backend;
 use baker::trace::counts::RayCounts;
 use baker::trace::lights::{GroupLight, Lights, SunLight};
 use baker::trace::path::{Transport, sun_sample};
-use baker::trace::rays::Rays;
-use baker::trace::sampler::{Kind, Sequence};
+use baker::trace::ray_tracer::RayTracer;
+use baker::trace::sampler::{Sequence, SequenceKind};
 use baker::trace::space::Space;
 use dataset::image::Image;
 use glam::{DVec3, Vec2, Vec3, dvec3, vec3};
@@ -83,7 +83,7 @@ fn group(g: &Geometry, lamps: &[Lamp]) -> Lights {
         has_maps: g.materials.iter().any(|m| m.emission.is_some_and(|e| e.map.is_some())),
         key: 7,
     }];
-    Lights { groups, place_of_group: vec![Some(0)], ..Lights::none() }
+    Lights { groups, index_of_group: vec![Some(0)], ..Lights::none() }
 }
 
 fn sun(disc: SunDisc) -> Lights {
@@ -101,14 +101,14 @@ type Measured = (f64, f64);
 fn irradiance(g: &Geometry, lights: &Lights, bounces: Option<u32>, samples: u32) -> Vec<Measured> {
     Backend::built()
         .map(|backend| {
-            let rays = Rays::with_backend(g, backend).expect("a built backend starts");
+            let rays = RayTracer::with_backend(g, backend).expect("a built backend starts");
             irradiance_through(&rays, g, lights, bounces, samples)
         })
         .collect()
 }
 
 fn irradiance_through(
-    rays: &Rays,
+    rays: &RayTracer,
     geometry: &Geometry,
     lights: &Lights,
     bounces: Option<u32>,
@@ -119,7 +119,7 @@ fn irradiance_through(
     let mut counts = RayCounts::default();
     let mut means = Vec::new();
     for scramble in 0..SCRAMBLES {
-        let sequence = Sequence::new(11, Kind::Texel, scramble, 0);
+        let sequence = Sequence::new(11, SequenceKind::Texel, scramble, 0);
         let mut out = vec![Rgb::ZERO; lights.layers()];
         for index in 0..samples {
             let sample = sequence.sample(index);
@@ -342,7 +342,7 @@ fn points_inside_a_closed_body_are_left_out() {
     }
     let l = sky(constant_sky(1.0));
     for backend in Backend::built() {
-        let rays = Rays::with_backend(&g, backend).expect("a built backend starts");
+        let rays = RayTracer::with_backend(&g, backend).expect("a built backend starts");
         let transport = Transport::new(Space::new(&g, &rays), &l, None);
         let at = transport.space.receiver(&POINT).expect("a normal");
         let mut counts = RayCounts::default();
@@ -484,7 +484,7 @@ fn skies(sky: Sky, portals: Vec<Portal>) -> Scene {
     Scene {
         name: "skies".to_owned(),
         description: String::new(),
-        place: None,
+        location: None,
         sun: None,
         sky: Some(sky),
         sun_baked: Baked::All,
@@ -630,12 +630,12 @@ fn ground_below_the_horizon_lights_what_looks_down() {
     ] {
         let g = plane(up);
         for backend in Backend::built() {
-            let rays = Rays::with_backend(&g, backend).expect("a built backend starts");
+            let rays = RayTracer::with_backend(&g, backend).expect("a built backend starts");
             let lights = lights();
             let transport = Transport::new(Space::new(&g, &rays), &lights, None);
             let at = transport.space.receiver(&POINT).expect("a normal");
             let mut out = vec![Rgb::ZERO; lights.layers()];
-            let sequence = Sequence::new(11, Kind::Texel, 0, 0);
+            let sequence = Sequence::new(11, SequenceKind::Texel, 0, 0);
             let n = 1 << 14;
             for i in 0..n {
                 transport.indirect(

@@ -17,7 +17,7 @@ use baker::atlas::owners::Owners;
 use baker::bake::assemble::Assembler;
 use baker::bake::denoise::{Denoiser, METHOD};
 use baker::bake::layers::{Layers, Part};
-use baker::bake::local::Places;
+use baker::bake::local::CellMap;
 use baker::bake::output;
 use baker::bake::run::{Denoise, Options, Prepared, Preset, prepare, with_worker};
 use baker::bake::value::Value;
@@ -51,10 +51,10 @@ fn main() {
     let (theirs, reference_layers) = prepared(reference_scene, reference_out);
     let (atlas, _) = ours.atlas().unwrap();
     let texels = layers.texels(&ours.base()).expect("the dataset's layers");
-    let places = Places::without_looks(&atlas);
+    let cell_map = CellMap::seeing_nothing(&atlas);
     let plan = &ours.plan;
     let assembler =
-        Assembler::new(plan, &ours.geometry, &atlas, (&layers, &ours.digests), texels, &places, 4).unwrap();
+        Assembler::new(plan, &ours.geometry, &atlas, (&layers, &ours.digests), texels, &cell_map, 4).unwrap();
     let mut denoiser = Denoiser::new(METHOD);
     let valid: Vec<bool> = (0..assembler.texels().len()).map(|place| assembler.is_valid(place)).collect();
     let filtered = with_worker(&ours, &atlas, &[], |worker| {
@@ -73,9 +73,9 @@ fn main() {
         (index / width / 16, index % width / 16)
     };
     let mut peer = peer.map(|folder| {
-        let places = with_worker(&ours, &atlas, &[], |worker| Places::find(&worker, &Console::silent()));
+        let cell_map = with_worker(&ours, &atlas, &[], |worker| CellMap::find(&worker, &Console::silent()));
         let indices = valid.iter().map(|&i| assembler.texels()[i].index as usize).collect();
-        Peer::new(PathBuf::from(folder), places.unwrap().0, (width, atlas.height as usize), indices)
+        Peer::new(PathBuf::from(folder), cell_map.unwrap().0, (width, atlas.height as usize), indices)
     });
     for layer in 0..plan.layers() {
         let Some(filtered) = &filtered[layer] else { continue };

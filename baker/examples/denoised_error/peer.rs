@@ -11,7 +11,7 @@
 use baker::Rgb;
 use baker::bake::denoise::METHOD;
 use baker::bake::errors::{Parts, Sums};
-use baker::bake::local::{Local, Pieces, Places};
+use baker::bake::local::{CellMap, LocalErrorSummary, Pieces};
 use baker::bake::value::Value;
 use glam::DVec3;
 use serde_json::{Value as Json, json};
@@ -27,7 +27,7 @@ type Ways = Vec<Vec<Rgb>>;
 /// The layers so far.
 pub struct Peer {
     folder: PathBuf,
-    places: Places,
+    cell_map: CellMap,
     size: (usize, usize),
     /// Indices on the page of the texels that count.
     indices: Vec<usize>,
@@ -37,10 +37,10 @@ pub struct Peer {
 
 impl Peer {
     /// Of these texels of a page.
-    pub fn new(folder: PathBuf, places: Places, size: (usize, usize), indices: Vec<usize>) -> Self {
+    pub fn new(folder: PathBuf, cell_map: CellMap, size: (usize, usize), indices: Vec<usize>) -> Self {
         std::fs::create_dir_all(&folder).unwrap();
-        let peer = Peer { folder, places, size, indices, layers: BTreeMap::new() };
-        let chart = |&index: &usize| peer.places.chart_of(index % size.0, index / size.0);
+        let peer = Peer { folder, cell_map, size, indices, layers: BTreeMap::new() };
+        let chart = |&index: &usize| peer.cell_map.chart_of(index % size.0, index / size.0);
         let charts =
             peer.indices.iter().map(|index| Rgb::splat(chart(index).map_or(0.0, |c| c as f32 + 1.0)));
         std::fs::write(peer.folder.join("charts.pfm"), peer.image(&charts.collect::<Vec<_>>())).unwrap();
@@ -92,15 +92,15 @@ impl Peer {
     /// Per cell with valid texels, what is measured of each way: the local error, with the reference's own
     /// noise taken out.
     fn cells(&self, ways: &[Vec<Rgb>], reference: &[Value]) -> Vec<Cell> {
-        let (width, grid) = (self.size.0, self.places.grid());
+        let (width, grid) = (self.size.0, self.cell_map.grid());
         let place = |index: usize| (index % width, index / width);
         let key = |index: usize| {
             let (x, y) = place(index);
-            (grid.at(x, y), self.places.chart_of(x, y))
+            (grid.at(x, y), self.cell_map.chart_of(x, y))
         };
         let mut sums = vec![Sums::default(); grid.cells()];
-        Pieces::of_texels(&self.places, width, self.indices.iter().copied()).add(reference, &mut sums);
-        let floors = self.places.floors(&sums);
+        Pieces::of_texels(&self.cell_map, width, self.indices.iter().copied()).add(reference, &mut sums);
+        let floors = self.cell_map.floors(&sums);
         let mut pieces: BTreeMap<_, Vec<usize>> = BTreeMap::new();
         self.indices.iter().enumerate().for_each(|(i, &index)| pieces.entry(key(index)).or_default().push(i));
         let mut cells: BTreeMap<usize, Cell> = BTreeMap::new();
@@ -177,7 +177,7 @@ impl Cell {
 fn told(cells: &[Cell]) -> Json {
     let texels: u64 = cells.iter().map(|cell| cell.texels).sum();
     let of_way = |way: usize| {
-        let local = Local::of(cells.iter().map(|cell| (cell.error(way), cell.texels)))?;
+        let local = LocalErrorSummary::of(cells.iter().map(|cell| (cell.error(way), cell.texels)))?;
         let worse = |by: f64| {
             let worse = cells.iter().filter(|cell| cell.error(way) > by * cell.error(0));
             worse.map(|cell| cell.texels).sum::<u64>() as f64 / texels as f64

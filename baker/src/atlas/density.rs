@@ -11,7 +11,7 @@ use crate::{Error, Result};
 use dataset::tiles::TILE;
 
 /// Longest side of a page in texels.
-pub const LARGEST: u32 = 16384;
+pub const LARGEST_SIDE: u32 = 16384;
 
 /// Most rows of the virtual page: its texels' numbers fit 32 bits, and corners are rounded to no worse than
 /// 1/256 of a texel.
@@ -56,7 +56,7 @@ pub fn fit(meshes: &[FlatMesh], lightmap: &Lightmap) -> Result<Filled> {
             let most = (width.min(height) / PADDING_OF_PAGE).max(LEAST_PADDING);
             fill(meshes, width, height, pages, padding.min(most))
         }
-        LightmapSize::TexelsPerMetre(density) => grow(meshes, density, pages, padding, LARGEST),
+        LightmapSize::TexelsPerMetre(density) => grow(meshes, density, pages, padding, LARGEST_SIDE),
     }
 }
 
@@ -75,10 +75,10 @@ fn fill(meshes: &[FlatMesh], width: u32, height: u32, pages: u32, padding: u32) 
     if width == 0 || height == 0 {
         return Err(Error::invalid("lightmap", format!("{size}: expected at least 1 texel each way")));
     }
-    if width.max(height) > LARGEST {
+    if width.max(height) > LARGEST_SIDE {
         return Err(Error::Unsupported {
             place: "lightmap".into(),
-            what: format!("{size}: expected at most {LARGEST} texels each way"),
+            what: format!("{size}: expected at most {LARGEST_SIDE} texels each way"),
         });
     }
     let sheets = Pages {
@@ -262,8 +262,12 @@ fn demand(
     round: impl Fn(f64) -> f64,
 ) -> (f64, f64) {
     let cells = |length: f64| length * texels_per_metre + 1.0;
-    let sheet =
-        Pages { width: LARGEST as usize, height: LARGEST as usize, count: 1, padding: padding as usize };
+    let sheet = Pages {
+        width: LARGEST_SIDE as usize,
+        height: LARGEST_SIDE as usize,
+        count: 1,
+        padding: padding as usize,
+    };
     let measure = |mesh: &FlatMesh| {
         let padding = f64::from(padding);
         if mesh.is_shared() {

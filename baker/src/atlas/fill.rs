@@ -1,7 +1,7 @@
 //! Fills one page with outlines: large ones first, bottom-left; then window by window what lies together in
 //! space.
 
-use super::footprint::{BLOCK, Footprint, Place};
+use super::footprint::{BLOCK, ChartPlacement, Footprint};
 use super::page::Page;
 use dataset::tiles::TILE;
 use std::collections::{BTreeMap, VecDeque};
@@ -40,7 +40,7 @@ impl Windows {
 
 /// How many windows before its own an item may still go to, the earliest first: it fills what larger ones
 /// left there.
-const BACK: usize = 4;
+const BLOCKS_BACK: usize = 4;
 
 /// How many items a window hands on to the next one at most.
 const MOST_CARRIED: usize = 64;
@@ -66,7 +66,7 @@ impl<'a> Filler<'a> {
     }
 
     /// Places one of an item's turns, and takes its blocks; `None`, and nothing taken, if no turn fits.
-    pub fn place(&mut self, turns: &'a [Footprint]) -> Option<Place> {
+    pub fn place(&mut self, turns: &'a [Footprint]) -> Option<ChartPlacement> {
         let columns = 0..self.size.0;
         self.place_in(turns, &columns, None)
     }
@@ -78,14 +78,14 @@ impl<'a> Filler<'a> {
         turns: &'a [Footprint],
         columns: &Range<usize>,
         rows: Option<&Range<usize>>,
-    ) -> Option<Place> {
+    ) -> Option<ChartPlacement> {
         let stacks = self.filling.stack > 1 && turns.first()?.bits.count() == 1;
         if let Some(((x, y), room @ 1..)) = self.shared.filter(|_| stacks)
             && x <= turns[0].last.0
             && y <= turns[0].last.1
         {
             self.shared = Some(((x, y), room - 1));
-            return Some(Place::in_block((x, y), turns[0].turn, self.filling.start));
+            return Some(ChartPlacement::in_block((x, y), turns[0].turn, self.filling.start));
         }
         let mut best: Option<(usize, usize, usize, usize)> = None;
         for (t, footprint) in turns.iter().enumerate() {
@@ -110,7 +110,7 @@ impl<'a> Filler<'a> {
         }
         let (_, y, x, t) = best?;
         self.page.take(&turns[t], x, y);
-        let place = Place::in_block((x, y), turns[t].turn, self.filling.start);
+        let place = ChartPlacement::in_block((x, y), turns[t].turn, self.filling.start);
         if stacks {
             self.shared = Some(((x, y), self.filling.stack - 1));
         }
@@ -123,7 +123,7 @@ impl<'a> Filler<'a> {
         &mut self,
         items: &[&'a [Footprint]],
         list: &[usize],
-        mut placed: impl FnMut(usize, Place),
+        mut placed: impl FnMut(usize, ChartPlacement),
     ) -> Vec<usize> {
         let by_size = |list: &mut Vec<usize>| {
             let key = |i: usize| {
@@ -158,7 +158,7 @@ impl<'a> Filler<'a> {
                 batch.push(i);
             }
             by_size(&mut batch);
-            let near = &all[w.saturating_sub(BACK)..=w];
+            let near = &all[w.saturating_sub(BLOCKS_BACK)..=w];
             batch.retain(|&i| {
                 match near.iter().find_map(|(columns, rows)| self.place_in(items[i], columns, Some(rows))) {
                     Some(place) => {

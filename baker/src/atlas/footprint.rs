@@ -58,7 +58,7 @@ impl Pages {
 
 /// Where a chart lies.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Place {
+pub struct ChartPlacement {
     /// The page.
     pub page: usize,
     /// The lower corner of the chart's bounding box, in texels of the page.
@@ -95,11 +95,11 @@ impl Turn {
     }
 }
 
-impl Place {
+impl ChartPlacement {
     /// The place of what starts in this block.
     pub fn in_block((column, row): (usize, usize), turn: Turn, start: f64) -> Self {
         let at = DVec2::new(column as f64, row as f64) * BLOCK as f64 + start;
-        Place { page: 0, at, turn }
+        ChartPlacement { page: 0, at, turn }
     }
 
     /// From a chart's metres to texels of its page.
@@ -152,7 +152,7 @@ pub fn footprints(chart: &Chart, texels_per_metre: f64, pages: &Pages) -> Vec<Fo
     for turn in Turn::ALL {
         let size = turn.size(chart.size) * texels_per_metre;
         let Some(last) = last_offset(pages.start() + size, pages) else { continue };
-        let place = Place::in_block((0, 0), turn, pages.start());
+        let place = ChartPlacement::in_block((0, 0), turn, pages.start());
         let corners = chart.faces.iter().map(|f| f.corners.map(|c| place.texel(chart, c, texels_per_metre)));
         let bits = owned(corners, pages.start() + size, pages);
         if all.iter().all(|other| other.bits != bits) {

@@ -2,7 +2,7 @@
 //! engine has already can be replaced by one of the same layout. Nothing is packed, moved or turned.
 
 use super::charts::is_degenerate;
-use super::density::{LARGEST, MOST_ROWS};
+use super::density::{LARGEST_SIDE, MOST_ROWS};
 use super::footprint::Pages;
 use super::islands::laid_islands;
 use super::raster::{Bits, TOLERANCE, covered, touched};
@@ -15,9 +15,9 @@ use glam::{DVec2, Vec2};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// What a user asked for, for messages.
-const ASKED: &str = "[lightmap] uv = \"keep\"";
+const KEEP_SETTING: &str = "[lightmap] uv = \"keep\"";
 /// Texels by which a coordinate may leave its page: rounding. It is moved to the edge.
-const SLACK: f64 = 0.5;
+const MOST_OUTSIDE: f64 = 0.5;
 /// Triangles of less area than this on the page, in texels, have none there.
 const LEAST_AREA: f64 = 1e-4;
 /// Most meshes that a warning names.
@@ -25,11 +25,11 @@ const MOST_NAMED: usize = 5;
 /// Most meshes that an error names.
 const MOST_LISTED: usize = 50;
 /// Cells along a page's longer side on which overlaps are looked for, and most cells along a texel.
-const CELLS: u32 = 8192;
-const MOST_CELLS: u32 = 8;
+const CELLS_PER_PAGE: u32 = 8192;
+const MOST_CELLS_PER_TEXEL: u32 = 8;
 /// Texels around an island whose squares bilinear filtering reads, but for rounding: those whose centres lie
 /// within a texel.
-const READ: f64 = 0.5 - 1.0 / 64.0;
+const FILTER_REACH: f64 = 0.5 - 1.0 / 64.0;
 
 /// A triangle where its file puts it.
 struct Laid {
@@ -56,7 +56,7 @@ struct Named(BTreeMap<usize, (usize, DVec2)>);
 /// for, or no triangle is left; `Unsupported` where the pages are too large.
 pub fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
     let LightmapSize::Fixed { width, height } = lightmap.size else {
-        return Err(Error::invalid(ASKED, "expected `size`, the page's size in texels"));
+        return Err(Error::invalid(KEEP_SETTING, "expected `size`, the page's size in texels"));
     };
     expect_coordinates(geometry)?;
     let pages = expect_pages(geometry, lightmap)?;
@@ -68,9 +68,9 @@ pub fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
     };
     let stride = sheets.stride(sheets.height) as u32;
     let rows = stride * (pages - 1) + height;
-    if width.max(height) > LARGEST || rows > MOST_ROWS {
+    if width.max(height) > LARGEST_SIDE || rows > MOST_ROWS {
         let what = format!(
-            "{pages} × {width} × {height} texels: expected at most {LARGEST} each way and {MOST_ROWS} rows together"
+            "{pages} × {width} × {height} texels: expected at most {LARGEST_SIDE} each way and {MOST_ROWS} rows together"
         );
         return Err(Error::unsupported("lightmap", what));
     }
@@ -85,7 +85,10 @@ pub fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
             let corners = uvs.map(|uv| uv * size);
             if is_degenerate(geometry.corners(triangle).map(|p| p.as_dvec3())) {
                 degenerate += 1;
-            } else if corners.iter().any(|c| c.min_element() < -SLACK || (*c - size).max_element() > SLACK) {
+            } else if corners
+                .iter()
+                .any(|c| c.min_element() < -MOST_OUTSIDE || (*c - size).max_element() > MOST_OUTSIDE)
+            {
                 outside.add(i, uvs[0]);
             } else {
                 // As they are going to be, rounded.
@@ -104,7 +107,7 @@ pub fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
     if all.is_empty() {
         let what =
             "no triangle lies on the page: are these lightmap coordinates? `uv = \"auto\"` makes new ones";
-        return Err(Error::invalid(ASKED, what));
+        return Err(Error::invalid(KEEP_SETTING, what));
     }
 
     let triangles: Vec<u32> = all.iter().map(|laid| laid.triangle).collect();
@@ -217,7 +220,7 @@ fn expect_coordinates(geometry: &Geometry) -> Result<()> {
         of_meshes(names.len(), "has", "have"),
         names[..names.len().min(MOST_LISTED)].join(", ")
     );
-    Err(Error::invalid(ASKED, what))
+    Err(Error::invalid(KEEP_SETTING, what))
 }
 
 /// The number of pages that the files use.
@@ -235,7 +238,7 @@ fn expect_pages(geometry: &Geometry, lightmap: &Lightmap) -> Result<u32> {
                 instance.name,
                 pages - 1
             );
-            Err(Error::invalid(ASKED, what))
+            Err(Error::invalid(KEEP_SETTING, what))
         }
         _ => Ok(pages),
     }
@@ -249,7 +252,7 @@ fn without_overlaps(
     covering: &mut Named,
     mixed: &mut Named,
 ) {
-    let cells = (CELLS / sheets.width.max(sheets.height) as u32).clamp(1, MOST_CELLS);
+    let cells = (CELLS_PER_PAGE / sheets.width.max(sheets.height) as u32).clamp(1, MOST_CELLS_PER_TEXEL);
     let (width, height) = (sheets.width * cells as usize, sheets.height * cells as usize);
     let mut taken: Vec<Bits> = (0..sheets.count).map(|_| Bits::new(width, height)).collect();
     all.retain(|laid| {
@@ -282,7 +285,7 @@ fn neighbours(all: &[Laid], charts: &[usize], sheets: &Pages) -> (usize, Named) 
     let mut runs: Vec<(u32, usize, usize, usize, usize)> = Vec::new();
     for (laid, &chart) in all.iter().zip(charts) {
         bits[laid.page as usize].touch(laid.corners, TOLERANCE);
-        let rows = touched(laid.corners, READ, sheets.width, sheets.height);
+        let rows = touched(laid.corners, FILTER_REACH, sheets.width, sheets.height);
         runs.extend(rows.map(|(y, columns)| (laid.page, y, columns.start, columns.end, chart)));
     }
     runs.sort_unstable();
@@ -332,6 +335,6 @@ impl Named {
             names.push(format!("and {} more", of_meshes(self.0.len() - MOST_NAMED, "", "").trim_end()));
         }
         let all: usize = self.0.values().map(|named| named.0).sum();
-        (all > 0).then(|| format!("{ASKED}: {} {what}: {}", count(all, unit), names.join("; ")))
+        (all > 0).then(|| format!("{KEEP_SETTING}: {} {what}: {}", count(all, unit), names.join("; ")))
     }
 }

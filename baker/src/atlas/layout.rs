@@ -3,7 +3,7 @@
 
 use super::charts::FlatMesh;
 use super::fill::{Filler, Filling};
-use super::footprint::{BLOCK, Footprint, Pages, Place, Turn, last_offset, owned};
+use super::footprint::{BLOCK, ChartPlacement, Footprint, Pages, Turn, last_offset, owned};
 use super::outline::outlines;
 use glam::DVec2;
 
@@ -31,7 +31,12 @@ pub fn width(mesh: &FlatMesh, texels_per_metre: f64, pages: &Pages) -> f64 {
 
 /// Packs a mesh's charts into a layout that at the largest member's scale fits a page; `None` if none is
 /// found.
-pub fn pack(mesh: &FlatMesh, texels_per_metre: f64, pages: &Pages, stack: usize) -> Option<Vec<Place>> {
+pub fn pack(
+    mesh: &FlatMesh,
+    texels_per_metre: f64,
+    pages: &Pages,
+    stack: usize,
+) -> Option<Vec<ChartPlacement>> {
     let largest = largest_scale(mesh);
     let most = |texels: usize| (texels as f64 / largest) as usize;
     let (widest, height) = (most(pages.width), most(pages.height));
@@ -44,20 +49,20 @@ pub fn pack(mesh: &FlatMesh, texels_per_metre: f64, pages: &Pages, stack: usize)
         if items.iter().any(|turns| turns.is_empty()) {
             return None;
         }
-        let mut places = vec![Place::default(); mesh.charts.len()];
+        let mut chart_placements = vec![ChartPlacement::default(); mesh.charts.len()];
         let order: Vec<usize> = (0..items.len()).collect();
         let mut filler = Filler::new(pages.blocks(), Filling { stack, start: pages.start(), windows: None });
         let refused = filler.place_all(&items, &order, |item, place| {
-            outlines[item].places(place).for_each(|(chart, place)| places[chart] = place);
+            outlines[item].chart_placements(place).for_each(|(chart, place)| chart_placements[chart] = place);
         });
-        refused.is_empty().then_some(places)
+        refused.is_empty().then_some(chart_placements)
     };
     // About square, so that it goes well beside others; else as wide as the page allows.
     attempt(square).or_else(|| if square < widest { attempt(widest) } else { None })
 }
 
 /// The highest coordinates of a layout in texels of the smallest member.
-pub fn end(mesh: &FlatMesh, layout: &[Place], texels_per_metre: f64) -> DVec2 {
+pub fn end(mesh: &FlatMesh, layout: &[ChartPlacement], texels_per_metre: f64) -> DVec2 {
     let charts = mesh.charts.iter().zip(layout);
     charts
         .map(|(chart, place)| place.at + place.turn.size(chart.size) * texels_per_metre)
@@ -67,7 +72,7 @@ pub fn end(mesh: &FlatMesh, layout: &[Place], texels_per_metre: f64) -> DVec2 {
 /// The blocks a layout owns at a scale; `None` if it is larger than the page.
 pub fn footprint(
     mesh: &FlatMesh,
-    layout: &[Place],
+    layout: &[ChartPlacement],
     texels_per_metre: f64,
     scale: f64,
     pages: &Pages,

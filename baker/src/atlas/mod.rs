@@ -32,11 +32,11 @@ use crate::geometry::Geometry;
 use crate::scene::{Lightmap, LightmapSize, UvSource};
 use crate::{Error, Result};
 use dataset::console::count;
-pub use density::LARGEST;
+pub use density::LARGEST_SIDE;
 use glam::{DVec2, Vec2};
 use pack::Origin;
 use std::ops::Range;
-use unwraps::{Anew, Unwraps};
+use unwraps::{AlwaysUnwrap, Unwraps};
 
 /// The layout of the texels over all lightmapped instances: pages of equal size, one below the other on one
 /// tall virtual page.
@@ -66,7 +66,7 @@ pub struct Atlas {
     pub charts: u32,
     /// Triangles that got no texels though their instance is lightmapped (zero area), for the report.
     pub degenerate: usize,
-    /// What was left out because nobody can see it.
+    /// What is omitted because nobody can see it.
     pub skipped: Skipped,
     /// Fraction of the pages' texels that a chart touches, padding excluded.
     pub utilisation: f64,
@@ -207,7 +207,7 @@ pub fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
 /// # Errors
 /// As [`build_from`].
 pub fn build_without(geometry: &Geometry, lightmap: &Lightmap, hidden: &[u32]) -> Result<Atlas> {
-    build_from(geometry, lightmap, hidden, &Anew)
+    build_from(geometry, lightmap, hidden, &AlwaysUnwrap)
 }
 
 /// Unwraps and packs. Deterministic: the same geometry and settings give the same atlas, whatever the thread
@@ -295,11 +295,11 @@ pub fn build_from(
     let mut layouts = Vec::new();
     for (mesh, packed) in flat.meshes.iter().zip(&page.meshes) {
         let texel = |chart: usize, corner| {
-            packed.places[chart].texel(&mesh.charts[chart], corner, page.texels_per_metre)
+            packed.chart_placements[chart].texel(&mesh.charts[chart], corner, page.texels_per_metre)
         };
         let first = &geometry.instances[mesh.members[0].instance];
         let page_of =
-            |chart: usize, origin: Origin| if mesh.is_shared() { origin.page } else { packed.places[chart].page } as u32;
+            |chart: usize, origin: Origin| if mesh.is_shared() { origin.page } else { packed.chart_placements[chart].page } as u32;
         // The layout's unit square in texels of the smallest member: whole texels, half a one at least past
         // the last chart.
         let layout_size = (packed.end + 0.5).ceil();

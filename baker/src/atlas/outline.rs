@@ -2,7 +2,7 @@
 //! side by side.
 
 use super::charts::Chart;
-use super::footprint::{BLOCK, Footprint, Pages, Place, Turn, footprints, last_offset, owned};
+use super::footprint::{BLOCK, ChartPlacement, Footprint, Pages, Turn, footprints, last_offset, owned};
 use glam::DVec2;
 
 /// What is placed as one.
@@ -15,18 +15,21 @@ pub struct Outline {
 
 impl Outline {
     /// Where its parts lie.
-    pub fn places(&self, place: Place) -> impl Iterator<Item = (usize, Place)> + '_ {
-        self.parts
-            .iter()
-            .map(move |&(chart, offset)| (chart, Place { at: place.at + place.turn.size(offset), ..place }))
+    pub fn chart_placements(
+        &self,
+        place: ChartPlacement,
+    ) -> impl Iterator<Item = (usize, ChartPlacement)> + '_ {
+        self.parts.iter().map(move |&(chart, offset)| {
+            (chart, ChartPlacement { at: place.at + place.turn.size(offset), ..place })
+        })
     }
 }
 
 /// Bilinear filtering reads two texels across for a chart below this width in texels, and so half a block.
-const THIN: f64 = 1.0 - 1.0 / 32.0;
+const THIN_WIDTH: f64 = 1.0 - 1.0 / 32.0;
 
 /// Texels from a thin chart to the next one beside it.
-const STEP: f64 = BLOCK as f64 / 2.0;
+const THIN_CHART_STEP: f64 = BLOCK as f64 / 2.0;
 
 /// All charts of a mesh at a density. Those that share a block are neighbours by rank.
 pub fn outlines(charts: &[Chart], ranks: &[u32], texels_per_metre: f64, pages: &Pages) -> Vec<Outline> {
@@ -37,9 +40,9 @@ pub fn outlines(charts: &[Chart], ranks: &[u32], texels_per_metre: f64, pages: &
         match () {
             // A wider filter reads more than half a block.
             _ if pages.padding > 2 => alone.push(index),
-            _ if size.max_element() < THIN => tiny.push(index),
+            _ if size.max_element() < THIN_WIDTH => tiny.push(index),
             // Charts lie along x.
-            _ if size.y < THIN => thin.push(index),
+            _ if size.y < THIN_WIDTH => thin.push(index),
             _ => alone.push(index),
         }
     }
@@ -48,14 +51,15 @@ pub fn outlines(charts: &[Chart], ranks: &[u32], texels_per_metre: f64, pages: &
     };
     tiny.sort_by_key(|&i| ranks[i]);
     thin.sort_by_key(|&i| (length(i), ranks[i]));
-    let four = [DVec2::ZERO, DVec2::X, DVec2::Y, DVec2::ONE].map(|step| step * STEP);
+    let four = [DVec2::ZERO, DVec2::X, DVec2::Y, DVec2::ONE].map(|step| step * THIN_CHART_STEP);
     let groups = tiny
         .chunks(4)
         .chain(thin.chunk_by(|&a, &b| length(a) == length(b)).flat_map(|equal| equal.chunks(2)));
     let mut all = Vec::new();
     for group in groups {
-        let is_tiny = charts[group[0]].size.x * texels_per_metre < THIN;
-        let offsets = if is_tiny { four } else { [DVec2::ZERO, DVec2::Y * STEP, DVec2::ZERO, DVec2::ZERO] };
+        let is_tiny = charts[group[0]].size.x * texels_per_metre < THIN_WIDTH;
+        let offsets =
+            if is_tiny { four } else { [DVec2::ZERO, DVec2::Y * THIN_CHART_STEP, DVec2::ZERO, DVec2::ZERO] };
         match group {
             [one] => alone.push(*one),
             _ => {
@@ -96,8 +100,8 @@ fn together(
         let Some(last) = last_offset(end, pages) else { continue };
         let corners = parts.iter().flat_map(|&(chart, offset)| {
             let chart = &charts[chart];
-            let start = Place::in_block((0, 0), turn, pages.start());
-            let place = Place { at: start.at + turn.size(offset), ..start };
+            let start = ChartPlacement::in_block((0, 0), turn, pages.start());
+            let place = ChartPlacement { at: start.at + turn.size(offset), ..start };
             chart.faces.iter().map(move |face| face.corners.map(|c| place.texel(chart, c, texels_per_metre)))
         });
         let bits = owned(corners, end, pages);

@@ -2,7 +2,7 @@
 
 use super::charts::FlatMesh;
 use super::fill::Filling;
-use super::footprint::{Footprint, Pages, Place, last_offset};
+use super::footprint::{ChartPlacement, Footprint, Pages, last_offset};
 use super::layout;
 use super::outline::{Outline, outlines};
 use super::spread::spread;
@@ -26,7 +26,7 @@ pub struct Packed {
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackedMesh {
     /// Per chart, its place in the layout: a block of its own if the mesh is shared, else a page.
-    pub places: Vec<Place>,
+    pub chart_placements: Vec<ChartPlacement>,
     /// Per member; of a mesh that is not shared, zero: its charts say where they lie.
     pub origins: Vec<Origin>,
     /// The highest coordinates of the layout in texels.
@@ -47,7 +47,7 @@ pub struct Origin {
 /// What is placed at one density: outlines of charts and of layouts.
 pub struct Items {
     /// Per mesh that is shared, its layout.
-    layouts: Vec<Vec<Place>>,
+    layouts: Vec<Vec<ChartPlacement>>,
     /// Per mesh, what has one outline: charts, or a layout at one scale.
     kinds: Vec<(usize, Kind)>,
     /// What is to be placed: an index into `kinds`, for charts or a member.
@@ -87,7 +87,7 @@ impl Items {
             true => layout::pack(mesh, texels_per_metre, pages, stack),
             false => Some(Vec::new()),
         };
-        let layouts: Vec<Vec<Place>> = meshes.par_iter().map(layout).collect::<Option<_>>()?;
+        let layouts: Vec<Vec<ChartPlacement>> = meshes.par_iter().map(layout).collect::<Option<_>>()?;
         let draw = |(m, mesh): (usize, &FlatMesh)| -> Vec<Kind> {
             if !mesh.is_shared() {
                 let outlines = outlines(&mesh.charts, &ranks[m], texels_per_metre, pages);
@@ -157,20 +157,26 @@ impl Items {
                 Kind::Layout(..) => ranks[*m][index],
             });
         }
-        let (places, height, pages) = spread(&footprints, &units, &rank, pages, filling)?;
-        let packed = |(mesh, layout): (&FlatMesh, Vec<Place>)| PackedMesh {
+        let (chart_placements, height, pages) = spread(&footprints, &units, &rank, pages, filling)?;
+        let packed = |(mesh, layout): (&FlatMesh, Vec<ChartPlacement>)| PackedMesh {
             end: layout::end(mesh, &layout, texels_per_metre),
-            places: if mesh.is_shared() { layout } else { vec![Place::default(); mesh.charts.len()] },
+            chart_placements: if mesh.is_shared() {
+                layout
+            } else {
+                vec![ChartPlacement::default(); mesh.charts.len()]
+            },
             origins: vec![Origin::default(); mesh.members.len()],
             blocks: 0,
         };
         let mut result: Vec<PackedMesh> = meshes.iter().zip(self.layouts.clone()).map(packed).collect();
-        for (&(kind, index), place) in self.placed.iter().zip(places) {
+        for (&(kind, index), place) in self.placed.iter().zip(chart_placements) {
             let (m, kind) = &self.kinds[kind];
             result[*m].blocks += kind.turns()[0].bits.count();
             match kind {
                 Kind::Charts(outline) => {
-                    outline.places(place).for_each(|(chart, place)| result[*m].places[chart] = place);
+                    outline
+                        .chart_placements(place)
+                        .for_each(|(chart, place)| result[*m].chart_placements[chart] = place);
                 }
                 Kind::Layout(..) => {
                     let texel = (place.at - filling.start).round();

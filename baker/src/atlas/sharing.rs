@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 const LARGEST_RATIO: f64 = 4.0;
 
 /// Scales closer than this, relatively, are one: what is left of equal scales after a rotation is rounding.
-const SAME: f64 = 1e-6;
+const SAME_SCALE: f64 = 1e-6;
 
 /// Instances that share a layout, or one that shares with none.
 #[derive(Clone, Debug)]
@@ -56,11 +56,14 @@ pub fn groups(geometry: &Geometry) -> Vec<Group> {
             let Some(similarity) = first.similarity(instance, geometry.origin) else { return false };
             // Until the group is whole, scales count texels per metre of the first member.
             let scale = similarity.scale * instance.density;
-            let scale =
-                members.iter().map(|m| m.scale).find(|s| (s / scale - 1.0).abs() < SAME).unwrap_or(scale);
+            let scale = members
+                .iter()
+                .map(|m| m.scale)
+                .find(|s| (s / scale - 1.0).abs() < SAME_SCALE)
+                .unwrap_or(scale);
             let (low, high) =
                 members.iter().fold((scale, scale), |(l, h), m| (l.min(m.scale), h.max(m.scale)));
-            let joins = high <= low * LARGEST_RATIO * (1.0 + SAME)
+            let joins = high <= low * LARGEST_RATIO * (1.0 + SAME_SCALE)
                 && first.has_lightmap_uvs == instance.has_lightmap_uvs;
             if joins {
                 let mirrored = similarity.mirrored;

@@ -2,7 +2,7 @@
 //! little.
 
 use super::fill::{Filler, Filling};
-use super::footprint::{BLOCK, Footprint, Pages, Place};
+use super::footprint::{BLOCK, ChartPlacement, Footprint, Pages};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -23,7 +23,7 @@ pub fn spread(
     rank: &[u32],
     pages: &Pages,
     filling: Filling,
-) -> Option<(Vec<Place>, usize, usize)> {
+) -> Option<(Vec<ChartPlacement>, usize, usize)> {
     let loads: Vec<f64> = items.iter().map(|turns| turns[0].bits.count() as f64).collect();
     let (page_of, parts) = assign(&loads, unit_of, rank, pages.count);
 
@@ -37,11 +37,13 @@ pub fn spread(
     let filled: Vec<Filled> = filled.collect::<Option<_>>()?;
 
     // What found no place there goes to any page that takes the whole part of the mesh.
-    let mut places: Vec<Option<Place>> = vec![None; items.len()];
+    let mut chart_placements: Vec<Option<ChartPlacement>> = vec![None; items.len()];
     let mut evicted: Vec<Vec<usize>> = Vec::new();
     let mut fillers = Vec::new();
     for (page, Filled { filler, placed, refused }) in filled.into_iter().enumerate() {
-        placed.into_iter().for_each(|(i, place)| places[i] = Some(Place { page, ..place }));
+        placed
+            .into_iter()
+            .for_each(|(i, place)| chart_placements[i] = Some(ChartPlacement { page, ..place }));
         evicted.extend(refused.into_values());
         fillers.push(filler);
     }
@@ -58,12 +60,15 @@ pub fn spread(
             }
             // Where only some of it fits, the page stays as it was.
             let mut trial = filler.clone();
-            let placed: Vec<Place> = part.iter().map(|&i| trial.place(items[i])).collect::<Option<_>>()?;
+            let placed: Vec<ChartPlacement> =
+                part.iter().map(|&i| trial.place(items[i])).collect::<Option<_>>()?;
             *filler = trial;
             Some((page, placed))
         });
         let (page, placed) = home?;
-        part.iter().zip(placed).for_each(|(&i, place)| places[i] = Some(Place { page, ..place }));
+        part.iter()
+            .zip(placed)
+            .for_each(|(&i, place)| chart_placements[i] = Some(ChartPlacement { page, ..place }));
     }
 
     // Pages that hold nothing are left out.
@@ -73,9 +78,12 @@ pub fn spread(
     for (page, _) in fillers.iter().enumerate().filter(|(_, filler)| filler.used() > 0) {
         (number[page], used) = (used, used + 1);
     }
-    let places: Option<Vec<Place>> = places.into_iter().collect();
-    let places = places?.into_iter().map(|place| Place { page: number[place.page], ..place }).collect();
-    Some((places, rows, used))
+    let chart_placements: Option<Vec<ChartPlacement>> = chart_placements.into_iter().collect();
+    let chart_placements = chart_placements?
+        .into_iter()
+        .map(|place| ChartPlacement { page: number[place.page], ..place })
+        .collect();
+    Some((chart_placements, rows, used))
 }
 
 /// The page of every item by its load, and its part: the items of a unit that are to share a page.
@@ -126,7 +134,7 @@ fn assign(loads: &[f64], unit_of: &[usize], rank: &[u32], pages: usize) -> (Vec<
 /// A page filled with what fits.
 struct Filled<'a> {
     filler: Filler<'a>,
-    placed: Vec<(usize, Place)>,
+    placed: Vec<(usize, ChartPlacement)>,
     /// The parts that do not fit as a whole.
     refused: BTreeMap<usize, Vec<usize>>,
 }
@@ -144,7 +152,7 @@ fn fill<'a>(
     let mut refused: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     loop {
         let mut filler = Filler::new(pages.blocks(), filling);
-        let mut placed: Vec<(usize, Place)> = Vec::new();
+        let mut placed: Vec<(usize, ChartPlacement)> = Vec::new();
         let wanted: Vec<usize> = list.iter().copied().filter(|&i| !refused.contains_key(&parts[i])).collect();
         let homeless = filler.place_all(items, &wanted, |i, place| placed.push((i, place)));
         let homeless: f64 = homeless.iter().chain(refused.values().flatten()).map(|&i| loads[i]).sum();

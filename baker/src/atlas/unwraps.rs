@@ -42,9 +42,9 @@ pub trait Unwraps: Sync {
 
 /// Keeps nothing.
 #[derive(Clone, Copy, Debug)]
-pub struct Anew;
+pub struct AlwaysUnwrap;
 
-impl Unwraps for Anew {
+impl Unwraps for AlwaysUnwrap {
     fn get(&self, _: &Key, _: usize) -> Option<Unwrap> {
         None
     }

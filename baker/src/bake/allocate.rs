@@ -14,18 +14,18 @@ use crate::trace::lights::Lights;
 /// Texels so far to every side are asked. (Three find more of what is local, 5 % of the squared error in the
 /// yard and the room; but where bright paths are rare and nothing is local, chance then decides: 1.8 times
 /// the squared error of even samples, with six 1.3.)
-const REACH: usize = 6;
+const NEIGHBOUR_REACH: usize = 6;
 /// log₂ of the least number of samples, relative to the mean: the dark, which differs little, is to be looked
 /// at too.
-const LEAST: i32 = -1;
+const LEAST_LOG2_SHARE: i32 = -1;
 /// log₂ of the greatest.
-const MOST: i32 = 4;
+const MOST_LOG2_SHARE: i32 = 4;
 /// Classes of deviation per doubling.
-const STEPS: i32 = 32;
+const STEPS_PER_OCTAVE: i32 = 32;
 /// Deviations beyond 2^±this are in the outermost classes.
 const OCTAVES: i32 = 32;
 /// The outermost class.
-const LAST: i32 = STEPS * OCTAVES;
+const LAST_CLASS: i32 = STEPS_PER_OCTAVE * OCTAVES;
 
 /// How much samples differ around a texel: the logarithm of their standard deviation in steps; `None` where
 /// nobody could be asked, or nothing differed: there the next path may be the first.
@@ -38,14 +38,14 @@ pub struct Histogram(Vec<u64>);
 impl Default for Histogram {
     /// Of no texels.
     fn default() -> Self {
-        Histogram(vec![0; 2 * LAST as usize + 1])
+        Histogram(vec![0; 2 * LAST_CLASS as usize + 1])
     }
 }
 
 impl Histogram {
     /// Adds texels.
     pub fn add(&mut self, classes: impl IntoIterator<Item = Class>) {
-        classes.into_iter().flatten().for_each(|class| self.0[(i32::from(class) + LAST) as usize] += 1);
+        classes.into_iter().flatten().for_each(|class| self.0[(i32::from(class) + LAST_CLASS) as usize] += 1);
     }
 
     /// Adds the texels of another.
@@ -59,20 +59,23 @@ impl Histogram {
     pub fn pivot(&self) -> Option<i16> {
         /// Texels from which on there is one.
         const ENOUGH: u64 = 64;
-        let classes: Vec<(i16, u64)> =
-            (-LAST..).zip(&self.0).filter(|(_, n)| **n > 0).map(|(class, &n)| (class as i16, n)).collect();
+        let classes: Vec<(i16, u64)> = (-LAST_CLASS..)
+            .zip(&self.0)
+            .filter(|(_, n)| **n > 0)
+            .map(|(class, &n)| (class as i16, n))
+            .collect();
         let texels: u64 = self.0.iter().sum();
         // In units of the least share. The higher the pivot, the fewer.
         let drawn = |pivot: i16| -> u64 {
             classes
                 .iter()
-                .map(|&(class, n)| n << (i32::from(log2_share(Some(class), Some(pivot))) - LEAST))
+                .map(|&(class, n)| n << (i32::from(log2_share(Some(class), Some(pivot))) - LEAST_LOG2_SHARE))
                 .sum()
         };
-        let (mut low, mut high) = (-LAST as i16, LAST as i16);
+        let (mut low, mut high) = (-LAST_CLASS as i16, LAST_CLASS as i16);
         while low < high {
             let middle = (low + high).div_euclid(2);
-            match drawn(middle) <= texels << -LEAST {
+            match drawn(middle) <= texels << -LEAST_LOG2_SHARE {
                 true => high = middle,
                 false => low = middle + 1,
             }
@@ -94,12 +97,12 @@ pub enum Pivot {
 fn log2_share(class: Class, pivot: Option<i16>) -> i8 {
     let (Some(class), Some(pivot)) = (class, pivot) else { return 0 };
     let steps = i32::from(class) - i32::from(pivot);
-    (steps + STEPS / 2).div_euclid(STEPS).clamp(LEAST, MOST) as i8
+    (steps + STEPS_PER_OCTAVE / 2).div_euclid(STEPS_PER_OCTAVE).clamp(LEAST_LOG2_SHARE, MOST_LOG2_SHARE) as i8
 }
 
 /// log₂ of the share of each covered texel, by its class.
 pub fn log2_shares(classes: &[Class], surface: &BlockSurface, pivot: Pivot) -> Vec<i8> {
-    let cells: Vec<usize> = surface.covered().map(|place| cell_of(surface, place)).collect();
+    let cells: Vec<usize> = surface.covered().map(|in_block| cell_of(surface, in_block)).collect();
     let pivots: Vec<Option<i16>> = match pivot {
         Pivot::OfPage(pivot) => vec![pivot; CELLS],
         Pivot::OfCell => {
@@ -114,12 +117,12 @@ pub fn log2_shares(classes: &[Class], surface: &BlockSurface, pivot: Pivot) -> V
 /// So many samples, or what a share makes of them.
 pub fn shared(samples: u32, log2_share: i8) -> u32 {
     /// More of them are too many for sums in single precision.
-    const MOST: u32 = 1 << 19;
+    const MOST_SAMPLES: u32 = 1 << 19;
     let many = match log2_share {
         ..0 => u64::from(samples >> -log2_share),
         _ => u64::from(samples) << log2_share,
     };
-    many.clamp(1, u64::from(samples.max(MOST))) as u32
+    many.clamp(1, u64::from(samples.max(MOST_SAMPLES))) as u32
 }
 
 /// The frames with light that differ, each with its mean over the page: of equal ones (as by night), one.
@@ -138,11 +141,11 @@ pub fn classes(
 ) -> Vec<Class> {
     let layers = lights.layers();
     let mut difference = vec![Rgb::ZERO; layers];
-    // Per place in the block.
+    // Per texel of the block.
     let mut squares = vec![None; surface.width * surface.height];
-    for (texel, place) in surface.covered().enumerate() {
+    for (texel, in_block) in surface.covered().enumerate() {
         let taken = state.taken[texel];
-        if !state.is_exposed(texel) || taken.contains(&0) {
+        if !state.is_usable(texel) || taken.contains(&0) {
             continue;
         }
         let [a, b] = [0, 1].map(|half| &state.sums[(2 * texel + half) * layers..][..layers]);
@@ -152,22 +155,23 @@ pub fn classes(
             let of_frame = parts.iter().map(|&(layer, scale)| difference[layer] * scale).sum::<Rgb>();
             (of_frame.as_dvec3() / *mean).length_squared()
         };
-        squares[place] = Some(frames.iter().map(square).sum());
+        squares[in_block] = Some(frames.iter().map(square).sum());
     }
-    // (What is no exposed surface does not count in any frame.)
-    let class =
-        |place: usize| squares[place].and_then(|_| class_of(mean_around(&squares, surface.width, place)?));
+    // (What is no usable surface does not count in any frame.)
+    let class = |in_block: usize| {
+        squares[in_block].and_then(|_| class_of(mean_around(&squares, surface.width, in_block)?))
+    };
     surface.covered().map(class).collect()
 }
 
-/// The mean over the places about one, without itself and without the greatest: one bright path is luck, two
+/// The mean over the texels about one, without itself and without the greatest: one bright path is luck, two
 /// are a place.
-fn mean_around(squares: &[Option<f64>], width: usize, place: usize) -> Option<f64> {
-    let (x, y) = (place % width, place / width);
-    let columns = x.saturating_sub(REACH)..(x + REACH + 1).min(width);
-    let rows = y.saturating_sub(REACH)..(y + REACH + 1).min(squares.len() / width);
-    let places = rows.flat_map(|y| columns.clone().map(move |x| y * width + x));
-    let known = places.filter(|&p| p != place).filter_map(|p| squares[p]);
+fn mean_around(squares: &[Option<f64>], width: usize, in_block: usize) -> Option<f64> {
+    let (x, y) = (in_block % width, in_block / width);
+    let columns = x.saturating_sub(NEIGHBOUR_REACH)..(x + NEIGHBOUR_REACH + 1).min(width);
+    let rows = y.saturating_sub(NEIGHBOUR_REACH)..(y + NEIGHBOUR_REACH + 1).min(squares.len() / width);
+    let around = rows.flat_map(|y| columns.clone().map(move |x| y * width + x));
+    let known = around.filter(|&p| p != in_block).filter_map(|p| squares[p]);
     let (mut sum, mut n, mut greatest) = (0.0, 0.0, 0.0);
     for square in known {
         sum += f64::min(square, greatest);
@@ -179,14 +183,15 @@ fn mean_around(squares: &[Option<f64>], width: usize, place: usize) -> Option<f6
 
 /// The class of a squared deviation.
 fn class_of(square: f64) -> Class {
-    let last = f64::from(LAST);
-    (square > 0.0).then(|| (square.log2() * 0.5 * f64::from(STEPS)).round().clamp(-last, last) as i16)
+    let last = f64::from(LAST_CLASS);
+    (square > 0.0)
+        .then(|| (square.log2() * 0.5 * f64::from(STEPS_PER_OCTAVE)).round().clamp(-last, last) as i16)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::trace::sampler::{Kind, Sequence};
+    use crate::trace::sampler::{Sequence, SequenceKind};
 
     fn histogram(classes: &[(i16, u64)]) -> Histogram {
         let mut histogram = Histogram::default();
@@ -233,16 +238,16 @@ mod tests {
 
     #[test]
     fn a_texel_has_no_say_in_its_own_number() {
-        // Every place of a block of 9 × 9 in turn; of one nothing is known.
+        // Every texel of a block of 9 × 9 in turn; of one nothing is known.
         let mut squares = vec![Some(2.0); 81];
         squares[3] = None;
-        for place in 0..81 {
-            // Another place's is the greatest, which is left out.
-            let other = if place % 9 > 0 { place - 1 } else { place + 1 };
-            let before = [place, other].map(|p| squares[p]);
-            (squares[place], squares[other]) = (Some(1e9), Some(1e12));
-            assert_eq!(mean_around(&squares, 9, place), Some(2.0));
-            [squares[place], squares[other]] = before;
+        for texel in 0..81 {
+            // Another texel's is the greatest, which is left out.
+            let other = if texel % 9 > 0 { texel - 1 } else { texel + 1 };
+            let before = [texel, other].map(|p| squares[p]);
+            (squares[texel], squares[other]) = (Some(1e9), Some(1e12));
+            assert_eq!(mean_around(&squares, 9, texel), Some(2.0));
+            [squares[texel], squares[other]] = before;
         }
         assert_eq!(mean_around(&[Some(1.0), Some(1.0), None], 3, 1), None);
     }
@@ -285,7 +290,7 @@ mod tests {
         const PAGES: u32 = 600;
         let draw = |texel: u32, half: u32, from: u32, to: u32| -> f64 {
             // A sequence a sample: independent ones.
-            let sequence = |i: u32| Sequence::new(u64::from(i), Kind::Texel, texel, half);
+            let sequence = |i: u32| Sequence::new(u64::from(i), SequenceKind::Texel, texel, half);
             let hit = |i: u32| sequence(i).sample(0).number(0) * rare as f32 <= 1.0;
             (from..to).filter(|&i| hit(i)).count() as f64 * f64::from(rare)
         };
@@ -296,7 +301,7 @@ mod tests {
             let squares: Vec<Option<f64>> =
                 first.iter().map(|[a, b]| Some(((a - b) / 4.0).powi(2))).collect();
             let classes: Vec<Class> =
-                (0..256).map(|place| counts(&squares, place).and_then(class_of)).collect();
+                (0..256).map(|texel| counts(&squares, texel).and_then(class_of)).collect();
             let mut histogram = Histogram::default();
             histogram.add(classes.iter().copied());
             let pivot = histogram.pivot();
@@ -319,11 +324,11 @@ mod tests {
         // 153,600 texels of relative variance 10 ÷ 64 or a little more: the mean is known to 0.001, at 30 to
         // 0.002.
         for rare in [10, 30] {
-            let (mean, covariance) = simulated(rare, |squares, place| mean_around(squares, 16, place));
+            let (mean, covariance) = simulated(rare, |squares, texel| mean_around(squares, 16, texel));
             assert!((mean - 1.0).abs() < 0.008 && covariance.abs() < 0.01, "{rare}: {mean} {covariance}");
         }
         // Who asks the texel itself gets the mean wrong.
-        let (mean, _) = simulated(10, |squares, place| squares[place]);
+        let (mean, _) = simulated(10, |squares, texel| squares[texel]);
         assert!((mean - 1.0).abs() > 0.012, "{mean}");
     }
 }

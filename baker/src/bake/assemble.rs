@@ -4,7 +4,7 @@ use super::check::Chosen;
 use super::errors::{Errors, Sums};
 use super::json;
 use super::layers::{FilteredLayer, Layers, Part, Texel};
-use super::local::{Local, OVER, Pieces, Places};
+use super::local::{COUNTED_ERRORS, CellMap, LocalErrorSummary, Pieces};
 use super::plan::Plan;
 use super::post::Dilation;
 use super::seams::{Jump, Seams};
@@ -38,7 +38,7 @@ pub struct Assembler<'a> {
     texels: Vec<Texel>,
     /// Per texel, the sum of all layers.
     light: Vec<f32>,
-    places: &'a Places,
+    cell_map: &'a CellMap,
     pieces: Pieces,
     /// Valid texels of the virtual page.
     mask: Mask,
@@ -69,7 +69,7 @@ pub struct Stored {
     /// Error and light per tile and frame.
     pub errors: Errors,
     /// Local errors of all frames together, and of each; `None` without light.
-    pub local: (Option<Local>, Vec<Option<Local>>),
+    pub local: (Option<LocalErrorSummary>, Vec<Option<LocalErrorSummary>>),
     /// Where they are greatest, at the frame whose 95th percentile is.
     pub worst: Option<WorstFrame>,
     /// Valid texels.
@@ -91,7 +91,7 @@ pub struct WorstFrame {
     /// Per cell its local error, row by row.
     pub errors: Vec<f64>,
     /// Of its layers, each with its share of the squared error in the cells with more than the first of
-    /// [`OVER`]; the greatest first.
+    /// [`COUNTED_ERRORS`]; the greatest first.
     pub causes: Vec<(usize, f64)>,
 }
 
@@ -126,7 +126,7 @@ impl<'a> Assembler<'a> {
         atlas: &'a Atlas,
         (layers, digests): (&'a Layers, &'a [String]),
         texels: Vec<Texel>,
-        places: &'a Places,
+        cell_map: &'a CellMap,
         padding: u32,
     ) -> Result<Self> {
         let owners = Owners::new(atlas);
@@ -135,7 +135,7 @@ impl<'a> Assembler<'a> {
         let ValidTexels { mask, light, buried, unlit } = valid;
         let dilation = Dilation::new(&mask, &owners, padding.max(LEAST_FILLED));
         let seams = Seams::new(geometry, atlas, &mask);
-        let pieces = Pieces::of_texels(places, mask.width, texels.iter().map(|texel| texel.index as usize));
+        let pieces = Pieces::of_texels(cell_map, mask.width, texels.iter().map(|texel| texel.index as usize));
         Ok(Assembler {
             plan,
             atlas,
@@ -144,7 +144,7 @@ impl<'a> Assembler<'a> {
             filtered: vec![None; digests.len()],
             texels,
             light,
-            places,
+            cell_map,
             pieces,
             mask,
             dilation,
@@ -160,8 +160,8 @@ impl<'a> Assembler<'a> {
     }
 
     /// Whether a covered texel is valid.
-    pub fn is_valid(&self, place: usize) -> bool {
-        self.mask.valid[self.texels[place].index as usize]
+    pub fn is_valid(&self, position: usize) -> bool {
+        self.mask.valid[self.texels[position].index as usize]
     }
 
     /// With some layers as a filter left them.
@@ -178,32 +178,32 @@ impl<'a> Assembler<'a> {
     }
 
     /// What lightmaps hold of a layer at some of the covered texels.
-    pub fn held_at(&self, layer: usize, places: &[usize]) -> Result<Vec<Value>> {
-        let mut sums = vec![Value::default(); places.len()];
+    pub fn held_at(&self, layer: usize, positions: &[usize]) -> Result<Vec<Value>> {
+        let mut sums = vec![Value::default(); positions.len()];
         for &part in self.plan.held_parts_of(layer) {
             let values = match (&self.filtered[layer], part) {
-                (Some(filtered), Part::Rest) => self.layers.read_filtered_at(filtered, places),
-                _ => self.layers.read_at(&self.digests[layer], part, places),
+                (Some(filtered), Part::Rest) => self.layers.read_filtered_at(filtered, positions),
+                _ => self.layers.read_at(&self.digests[layer], part, positions),
             };
             sums.iter_mut().zip(values?).for_each(|(sum, value)| *sum = sum.plus(value));
         }
         Ok(sums)
     }
 
-    /// The valid texels, by their places among the covered ones, which is where layers hold them, each with
-    /// its index on the page and the sum of its light in all layers.
+    /// The valid texels, by their positions among the covered ones, which is where layers hold them, each
+    /// with its index on the page and the sum of its light in all layers.
     pub fn valid_texels(&self) -> impl Iterator<Item = (Chosen, f32)> {
         let valid = self.texels.iter().enumerate().filter(|(_, texel)| self.mask.valid[texel.index as usize]);
-        valid.map(|(place, texel)| (Chosen { place, index: texel.index }, self.light[place]))
+        valid.map(|(position, texel)| (Chosen { position, index: texel.index }, self.light[position]))
     }
 
     /// A part of a layer as an image of the virtual page, dilated and, if asked, stitched.
     fn part(&self, layer: usize, part: Part, stitched: bool) -> Result<Image> {
         let mut image = self.black();
         let scale = self.plan.scale_of(layer);
-        self.each(layer, part, |place, value| {
-            if self.is_valid(place) {
-                image.texels[self.texels[place].index as usize] = (value.mean * scale).to_array();
+        self.each(layer, part, |position, value| {
+            if self.is_valid(position) {
+                image.texels[self.texels[position].index as usize] = (value.mean * scale).to_array();
             }
         })?;
         self.dilation.apply(&mut image);
@@ -299,14 +299,14 @@ impl<'a> Assembler<'a> {
         let first_group = self.plan.suns.len() + self.plan.sky_hours.len();
         let mut is_dark = vec![false; self.plan.groups.len()];
         let mut of_groups = Vec::new();
-        for (place, &of_group) in self.plan.place_of_group.iter().zip(&baked.groups) {
+        for (index, &of_group) in self.plan.index_of_group.iter().zip(&baked.groups) {
             // A group that was not traced gave no light at any time baked.
-            let layer = place.map(|g| first_group + g);
+            let layer = index.map(|g| first_group + g);
             let parts = parts_in_dataset(of_group, false);
-            let stem = |part: config::Part| format!("group{}-{}", place.unwrap_or_default(), part.name());
+            let stem = |part: config::Part| format!("group{}-{}", index.unwrap_or_default(), part.name());
             let mut sum = self.black();
             let shares = self.store_parts(writer, layer, parts, stem, &mut sum)?;
-            if let (Some(g), Some(layer)) = (*place, layer) {
+            if let (Some(g), Some(layer)) = (*index, layer) {
                 is_dark[g] = is_black(&sum) && self.is_dark(layer)?;
                 each();
             }
@@ -325,7 +325,7 @@ impl<'a> Assembler<'a> {
         let (mut local, mut local_of): (Option<Image>, Vec<usize>) = (None, Vec::new());
         for (i, time) in self.plan.times.iter().enumerate() {
             let cells = self.add_errors(i, &mut errors)?;
-            let (of_cells, of_frame) = self.places.judge(&cells);
+            let (of_cells, of_frame) = self.cell_map.judge(&cells);
             all_cells.extend(
                 of_cells.iter().zip(&cells).map(|(error, sums)| (*error as f32, sums.values as u32 / 3)),
             );
@@ -376,8 +376,8 @@ impl<'a> Assembler<'a> {
         }
         let noise = Noise { tile: TILE as u32, mse: self.noise(&errors) };
         let noise = writer.add("noise", "json", &json::bytes(&noise, "noise table")?)?;
-        let places = self.plan.place_of_group.iter().enumerate();
-        let dark = places.filter(|(_, layer)| layer.is_some_and(|layer| is_dark[layer]));
+        let layers = self.plan.index_of_group.iter().enumerate();
+        let dark = layers.filter(|(_, layer)| layer.is_some_and(|layer| is_dark[layer]));
         Ok(Stored {
             pages,
             daylight: suns.into_iter().chain(skies).collect(),
@@ -391,7 +391,9 @@ impl<'a> Assembler<'a> {
             seams: self.jumps(&errors)?,
             errors,
             local: (
-                Local::of(all_cells.into_iter().map(|(error, n)| (f64::from(error), u64::from(n)))),
+                LocalErrorSummary::of(
+                    all_cells.into_iter().map(|(error, n)| (f64::from(error), u64::from(n))),
+                ),
                 of_frames,
             ),
             worst: worst.map(|(_, frame, errors)| self.worst(frame, errors)).transpose()?,
@@ -422,7 +424,7 @@ impl<'a> Assembler<'a> {
             errors.add(time, index % self.mask.width, index / self.mask.width, &sums);
             self.pieces.add_texel(texel, value, &mut pieces);
         })?;
-        let mut cells = vec![Sums::default(); self.places.grid().cells()];
+        let mut cells = vec![Sums::default(); self.cell_map.grid().cells()];
         self.pieces.add_to_cells(&pieces, &mut cells);
         Ok(cells)
     }
@@ -443,13 +445,13 @@ impl<'a> Assembler<'a> {
         }
         let mut sums = Vec::new();
         for first in (0..self.texels.len()).step_by(AT_ONCE) {
-            let places = first..(first + AT_ONCE).min(self.texels.len());
+            let range = first..(first + AT_ONCE).min(self.texels.len());
             sums.clear();
-            sums.resize(places.len(), Value::default());
+            sums.resize(range.len(), Value::default());
             for (reader, scale) in &mut parts {
-                reader.read(places.clone(), |i, value| sums[i] = sums[i].plus(value.times(*scale)))?;
+                reader.read(range.clone(), |i, value| sums[i] = sums[i].plus(value.times(*scale)))?;
             }
-            let valid = places.zip(&sums).filter(|(texel, _)| self.is_valid(*texel));
+            let valid = range.zip(&sums).filter(|(texel, _)| self.is_valid(*texel));
             valid.for_each(|(texel, value)| each(texel, value));
         }
         Ok(())
@@ -462,8 +464,8 @@ impl<'a> Assembler<'a> {
             let mut missed = 0.0;
             self.each_sum(&[layer], |texel, value| {
                 let index = self.texels[texel].index as usize;
-                let cell = self.places.grid().at(index % self.mask.width, index / self.mask.width);
-                if errors[cell] > OVER[0] {
+                let cell = self.cell_map.grid().at(index % self.mask.width, index / self.mask.width);
+                if errors[cell] > COUNTED_ERRORS[0] {
                     missed += value.variance() + value.squared_bias();
                 }
             })?;

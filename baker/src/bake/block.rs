@@ -6,7 +6,7 @@ use crate::atlas::Atlas;
 use crate::surface::{BlockSurface, FaceBins, SurfacePoint};
 use crate::trace::counts::RayCounts;
 use crate::trace::path::{Transport, point_pair};
-use crate::trace::sampler::{Kind, Sample, Sequence};
+use crate::trace::sampler::{Sample, Sequence, SequenceKind};
 use crate::trace::space::Receiver;
 use glam::Vec2;
 
@@ -24,13 +24,13 @@ pub enum Stream {
     /// The reference texels are checked against.
     Check = 8,
     /// What bright surfaces are seen.
-    View = 10,
+    BrightSurfaces = 10,
     /// Direct light that only decides how many samples it gets.
     Pilot = 12,
     /// How much of the sun is seen.
     Visibility = 14,
     /// What is seen from a cell.
-    Look = 16,
+    VisibleCells = 16,
 }
 
 /// What blocks are worked on with.
@@ -45,7 +45,7 @@ pub struct Worker<'a> {
     pub seed: u64,
     /// Samples of indirect light per texel that are sure to be drawn: what comes before them costs no more
     /// than they are worth.
-    pub certain: u32,
+    pub guaranteed_samples: u32,
 }
 
 impl Worker<'_> {
@@ -62,7 +62,7 @@ impl Worker<'_> {
     /// A texel's samples for one purpose and half. `texel` counts within the block, row by row.
     pub fn sequence(&self, surface: &BlockSurface, texel: usize, stream: Stream, half: usize) -> Sequence {
         let index = surface.page_index(self.atlas, texel);
-        Sequence::new(self.seed, Kind::Texel, index as u32, stream as u32 + half as u32)
+        Sequence::new(self.seed, SequenceKind::Texel, index as u32, stream as u32 + half as u32)
     }
 
     /// The point of a sample. Where only some of the texel's probed points are its surface (`probes` says
@@ -136,7 +136,7 @@ impl Worker<'_> {
     fn probed(probe: u32) -> Vec2 {
         // A sequence that stands well apart and has a point near every corner.
         const SPREAD: u32 = 239;
-        point_pair(Sequence::new(0, Kind::Texel, SPREAD, Stream::Probe as u32).sample(probe))
+        point_pair(Sequence::new(0, SequenceKind::Texel, SPREAD, Stream::Probe as u32).sample(probe))
     }
 }
 

@@ -16,16 +16,16 @@ pub const LEAST_PATHS: usize = 4;
 /// Most passes.
 const MOST_PASSES: usize = 400;
 /// Largest change of the rescaling in the last pass.
-const SETTLED: f64 = 1e-3;
+const MOST_FACTOR_CHANGE: f64 = 1e-3;
 /// Largest change of the last pass at an entry relative to its own light, on average over each run of
 /// entries: a dim room beside a bright yard has to settle too.
-const STILL: f64 = 5e-4;
+const MOST_RUN_CHANGE: f64 = 5e-4;
 /// Part of a layer's greatest light below which changes are judged by that.
-const FAINT: f32 = 1e-6;
+const FAINT_PART: f32 = 1e-6;
 /// Turns of the rescaling after which it is given up.
-const TURNS: u32 = 3;
+const MOST_TURNS: u32 = 3;
 /// Entries of a run.
-const RUN: usize = 4096;
+const RUN_ENTRIES: usize = 4096;
 /// Light of all bounces, as a multiple of that before the first, from which on it is taken to grow without
 /// end where surfaces absorb nothing.
 const ENDLESS_GROWTH: f64 = 1e4;
@@ -34,7 +34,7 @@ const ENDLESS_GROWTH: f64 = 1e4;
 /// settling.
 const ENDLESS_PART: f64 = 0.2;
 /// Bounces after which paths that kept half of their weight are without end.
-const ROUNDS: usize = 400;
+const ENDLESS_BOUNCES: usize = 400;
 
 /// How the passes went.
 #[derive(Clone, Copy, Debug)]
@@ -56,10 +56,10 @@ pub struct PathEnd {
 }
 
 /// It left the scene, or carries nothing.
-pub const NOWHERE: PathEnd = PathEnd { entry: u32::MAX, weight: [0.0; 3] };
+pub const NO_ENTRY: PathEnd = PathEnd { entry: u32::MAX, weight: [0.0; 3] };
 
 /// E = source + T E.
-pub struct System {
+pub struct CacheSystem {
     /// Layers.
     pub layers: usize,
     /// `[entry][layer]`.
@@ -69,7 +69,7 @@ pub struct System {
     /// `[entry][path]`.
     pub path_ends: Vec<PathEnd>,
     /// Per entry, 1 ÷ its paths.
-    pub share: Vec<f32>,
+    pub inverse_path_count: Vec<f32>,
 }
 
 /// Paths per entry and half where texels get so many `samples`: a sixteenth of those, and more where entries
@@ -87,7 +87,7 @@ pub fn paths_per_entry(entries: usize, samples: u32) -> usize {
     1 << worth.ilog2()
 }
 
-impl System {
+impl CacheSystem {
     /// Bytes of an entry with this number of paths.
     pub fn bytes_per_entry(layers: usize, paths: usize) -> usize {
         size_of::<Rgb>() * layers + paths * size_of::<PathEnd>()
@@ -101,7 +101,7 @@ impl System {
         endless: impl Fn() -> Error,
     ) -> Result<(CacheHalf, Solution)> {
         let values = 3 * self.layers;
-        let n = self.share.len();
+        let n = self.inverse_path_count.len();
         let mut most = vec![0f32; self.layers];
         for entry in self.source.chunks(self.layers.max(1)) {
             for (most, value) in most.iter_mut().zip(entry) {
@@ -137,7 +137,7 @@ impl System {
                 light.read(e as u32, old);
                 for ((n, o), most) in out.iter_mut().zip(old.iter()).zip(&most) {
                     let change = (*n - *o).abs();
-                    *n = change / (*n + Rgb::splat(FAINT * most)).max(Rgb::splat(f32::MIN_POSITIVE));
+                    *n = change / (*n + Rgb::splat(FAINT_PART * most)).max(Rgb::splat(f32::MIN_POSITIVE));
                 }
             });
             // Rescale: with r the part of what was sent out that arrived again, light is in balance at source
@@ -158,13 +158,13 @@ impl System {
                 last[i] = factor;
                 // Where few entries exchange light with many, one number for all may swing for ever: passes
                 // alone settle there.
-                let swings = turns[i] >= TURNS;
+                let swings = turns[i] >= MOST_TURNS;
                 if swings {
                     factor = 1.0;
                 }
                 factors[i] = factor as f32;
-                let still = if swings { 0.1 * STILL } else { STILL };
-                settled[i / 3] &= (factor - 1.0).abs() < SETTLED && change[i] < still;
+                let still = if swings { 0.1 * MOST_RUN_CHANGE } else { MOST_RUN_CHANGE };
+                settled[i / 3] &= (factor - 1.0).abs() < MOST_FACTOR_CHANGE && change[i] < still;
                 total[i] = stored[i] * factor;
             }
             next.scale_by(&factors);
@@ -182,20 +182,20 @@ impl System {
     }
 
     /// Whether light goes round without end in so many entries that they would never settle: found without
-    /// any light, by what part of the weight of paths is left after [`ROUNDS`] of them.
+    /// any light, by what part of the weight of paths is left after [`ENDLESS_BOUNCES`] of them.
     fn is_endless(&self) -> bool {
-        let n = self.share.len();
+        let n = self.inverse_path_count.len();
         let mut left = vec![1f32; n];
         // Entries that lost half are given up, and what comes from there with them.
         let mut going: Vec<u32> = (0..n as u32).collect();
-        for _ in 0..ROUNDS {
+        for _ in 0..ENDLESS_BOUNCES {
             let of = |&entry: &u32| {
                 let e = entry as usize;
                 let path_ends = self.path_ends[e * self.paths..][..self.paths].iter();
-                let landed = path_ends.filter(|l| l.entry != NOWHERE.entry);
+                let landed = path_ends.filter(|l| l.entry != NO_ENTRY.entry);
                 let most = |l: &PathEnd| l.weight.into_iter().fold(0.0, f32::max);
                 let sum: f32 = landed.map(|l| most(l) * left[l.entry as usize]).sum();
-                (entry, sum * self.share[e])
+                (entry, sum * self.inverse_path_count[e])
             };
             let next: Vec<(u32, f32)> = going.par_iter().map(of).collect();
             going.clear();
@@ -210,18 +210,18 @@ impl System {
             let source = &self.source[e as usize * self.layers..][..self.layers];
             source.iter().any(|light| *light != Rgb::ZERO)
         };
-        let runs = going.chunk_by(|a, b| *a as usize / RUN == *b as usize / RUN);
-        let mut many = runs.filter(|run| run.len() as f64 > ENDLESS_PART * n.min(RUN) as f64);
+        let runs = going.chunk_by(|a, b| *a as usize / RUN_ENTRIES == *b as usize / RUN_ENTRIES);
+        let mut many = runs.filter(|run| run.len() as f64 > ENDLESS_PART * n.min(RUN_ENTRIES) as f64);
         many.any(|run| run.iter().any(|&entry| is_lit(entry)))
     }
 
     /// source + T light, at one entry.
     fn pass(&self, light: &CacheHalf, entry: usize, out: &mut [Rgb]) {
         let path_ends = &self.path_ends[entry * self.paths..][..self.paths];
-        let landed = || path_ends.iter().filter(|l| l.entry != NOWHERE.entry);
+        let landed = || path_ends.iter().filter(|l| l.entry != NO_ENTRY.entry);
         landed().for_each(|l| light.prefetch(l.entry));
         for path_end in landed() {
-            let weight = Rgb::from_array(path_end.weight) * self.share[entry];
+            let weight = Rgb::from_array(path_end.weight) * self.inverse_path_count[entry];
             light.add(path_end.entry, weight, out);
         }
         for (out, source) in out.iter_mut().zip(&self.source[entry * self.layers..]) {
@@ -250,18 +250,18 @@ impl System {
 
     /// The sums of each run of entries, and how many they are.
     fn runs(&self, value: impl Fn(&mut [Rgb], usize, &mut [Rgb]) + Sync) -> Vec<(Vec<f64>, usize)> {
-        let n = self.share.len();
-        (0..n.div_ceil(RUN))
+        let n = self.inverse_path_count.len();
+        (0..n.div_ceil(RUN_ENTRIES))
             .into_par_iter()
             .map(|run| {
                 let mut sums = vec![0.0; 3 * self.layers];
                 let (mut spare, mut out) = (vec![Rgb::ZERO; self.layers], vec![Rgb::ZERO; self.layers]);
-                for entry in run * RUN..n.min((run + 1) * RUN) {
+                for entry in run * RUN_ENTRIES..n.min((run + 1) * RUN_ENTRIES) {
                     value(&mut spare, entry, &mut out);
                     let values: &[f32] = bytemuck::cast_slice(&out);
                     sums.iter_mut().zip(values).for_each(|(s, v)| *s += f64::from(*v));
                 }
-                (sums, n.min((run + 1) * RUN) - run * RUN)
+                (sums, n.min((run + 1) * RUN_ENTRIES) - run * RUN_ENTRIES)
             })
             .collect()
     }
@@ -273,7 +273,7 @@ mod tests {
 
     /// `pocket` entries that pass all their light round, `albedo` of it each time, and as many that lose
     /// half.
-    fn system(pocket: usize, albedo: f32, light: Rgb) -> System {
+    fn system(pocket: usize, albedo: f32, light: Rgb) -> CacheSystem {
         let path_end = |entry: usize| {
             let (next, weight) = if entry < pocket {
                 ((entry + 1) % pocket, albedo)
@@ -286,7 +286,7 @@ mod tests {
         let mut path_ends: Vec<PathEnd> = (0..2 * pocket).map(path_end).collect();
         path_ends[pocket].weight = [1.0; 3];
         let source = (0..2 * pocket).map(|e| if e < pocket { light } else { Rgb::ONE }).collect();
-        System { layers: 1, source, paths: 1, path_ends, share: vec![1.0; 2 * pocket] }
+        CacheSystem { layers: 1, source, paths: 1, path_ends, inverse_path_count: vec![1.0; 2 * pocket] }
     }
 
     #[test]
@@ -300,7 +300,7 @@ mod tests {
 
     #[test]
     fn light_that_goes_round_without_end_is_found_before_the_first_pass() {
-        let solve = |system: System| {
+        let solve = |system: CacheSystem| {
             let mut passes = 0;
             let solved = system.solve(|pass| passes = pass, || Error::invalid("scene", "endless"));
             (solved.map(|(_, solution)| solution.settled).map_err(|e| e.to_string()), passes)

@@ -8,7 +8,7 @@
 //! of the texels from the darkest to the brightest.
 
 use super::block::{Stream, Worker};
-use super::endless;
+use super::endless_light;
 use super::errors::{Parts, median};
 use super::value::Value;
 use crate::Rgb;
@@ -62,7 +62,7 @@ pub struct FrameCheck {
     #[serde(alias = "own_reference_error")]
     pub own_reference_noise: f64,
     /// The texels by eighths, the darkest first; those in which the reference finds no light are left out.
-    pub eighths: Vec<Eighth>,
+    pub eighths: Vec<BrightnessEighth>,
     /// The errors by eighths, the darkest first.
     #[serde(alias = "told", default)]
     pub estimates: Vec<Estimate>,
@@ -72,7 +72,8 @@ pub struct FrameCheck {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// 0 the darkest, 7 the brightest.
-    pub place: usize,
+    #[serde(rename = "place")]
+    pub rank: usize,
     /// Mean reference light.
     pub light: f64,
     /// Root mean square of the errors that the bake estimates.
@@ -92,9 +93,10 @@ impl Estimate {
 
 /// An eighth of the checked texels: those of like brightness.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Eighth {
+pub struct BrightnessEighth {
     /// 0 the darkest, 7 the brightest.
-    pub place: usize,
+    #[serde(rename = "place")]
+    pub rank: usize,
     /// Mean reference light.
     pub light: f64,
     /// Mean difference ÷ mean reference light: light lost or gained.
@@ -109,13 +111,13 @@ const SIGNIFICANT: f64 = 4.0;
 /// Parts that the texels are sorted into by brightness.
 const EIGHTHS: usize = 8;
 
-impl Eighth {
+impl BrightnessEighth {
     /// Such as `darkest eighth: −3.1 ± 0.4 %`.
     pub fn words(&self) -> String {
-        let name = match self.place {
+        let name = match self.rank {
             0 => "darkest eighth".to_owned(),
             7 => "brightest eighth".to_owned(),
-            place => format!("eighth {} of 8 from the darkest", place + 1),
+            rank => format!("eighth {} of 8 from the darkest", rank + 1),
         };
         let sign = if self.difference < 0.0 { "−" } else { "+" };
         let percent = |v: f64| v.abs() * 100.0;
@@ -125,8 +127,8 @@ impl Eighth {
 
 impl Check {
     /// The frame and eighth that lost or gained most, of those where chance does not explain it.
-    pub fn worst_eighth(&self) -> Option<(usize, &Eighth)> {
-        let beyond_chance = |s: &FrameCheck, e: &Eighth| (s.frame, beyond_chance(e, &s.eighths));
+    pub fn worst_eighth(&self) -> Option<(usize, &BrightnessEighth)> {
+        let beyond_chance = |s: &FrameCheck, e: &BrightnessEighth| (s.frame, beyond_chance(e, &s.eighths));
         let all = self.frames.iter().flat_map(|s| s.eighths.iter().map(move |e| (beyond_chance(s, e), e)));
         let worst = all.filter(|((_, beyond), _)| *beyond > 0.0).max_by(|(a, _), (b, _)| a.1.total_cmp(&b.1));
         worst.map(|((frame, _), eighth)| (frame, eighth))
@@ -136,8 +138,8 @@ impl Check {
 /// What of an eighth's difference is beyond chance. Texels of like brightness are alike noisy: an eighth that
 /// happens to miss the few texels that hold most of the light scatters too little, so the scatter of those
 /// beside it counts too.
-fn beyond_chance(eighth: &Eighth, all: &[Eighth]) -> f64 {
-    let beside = all.iter().filter(|other| other.place.abs_diff(eighth.place) <= 1);
+fn beyond_chance(eighth: &BrightnessEighth, all: &[BrightnessEighth]) -> f64 {
+    let beside = all.iter().filter(|other| other.rank.abs_diff(eighth.rank) <= 1);
     let noise = beside.map(|other| other.standard_error).fold(0.0, f64::max);
     eighth.difference.abs() - SIGNIFICANT * noise
 }
@@ -156,8 +158,8 @@ struct Checked {
 /// A texel to be checked.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chosen {
-    /// Its place among the covered texels, by which layers are read.
-    pub place: usize,
+    /// Its position among the covered texels, by which layers are read.
+    pub position: usize,
     /// Its index on the page.
     pub index: u32,
 }
@@ -300,10 +302,10 @@ fn summary(frame: usize, texels: &[Checked]) -> Option<FrameCheck> {
 /// that missed the light, and with it their own error.)
 fn estimates(texels: &[Checked]) -> Vec<Estimate> {
     let sorted = sorted(texels);
-    let eighth = |place: usize| {
+    let eighth = |rank: usize| {
         let texels: Vec<(&Checked, usize)> = [0, 1]
             .into_iter()
-            .flat_map(|half| sorted[half][bounds(place, texels.len())].iter().map(move |t| (*t, 1 - half)))
+            .flat_map(|half| sorted[half][bounds(rank, texels.len())].iter().map(move |t| (*t, 1 - half)))
             .collect();
         let n = texels.len() as f64;
         // (Both halves hold much the same texels: as many say as much as one half of them.)
@@ -324,7 +326,7 @@ fn estimates(texels: &[Checked]) -> Vec<Estimate> {
         let part = |value: f64, error: f64| if value > 0.0 { error / value / 2.0 } else { 0.0 };
         let is_known = measured > 2.0 * measured_error;
         Some(Estimate {
-            place,
+            rank,
             light,
             estimated: estimated.max(0.0).sqrt() / light,
             measured: is_known.then(|| measured.sqrt() / light),
@@ -346,23 +348,23 @@ fn sorted(texels: &[Checked]) -> [Vec<&Checked>; 2] {
 }
 
 /// The places of an eighth among sorted texels.
-fn bounds(place: usize, texels: usize) -> Range<usize> {
-    place * texels / EIGHTHS..(place + 1) * texels / EIGHTHS
+fn bounds(rank: usize, texels: usize) -> Range<usize> {
+    rank * texels / EIGHTHS..(rank + 1) * texels / EIGHTHS
 }
 
 /// The texels sorted by brightness and cut into eighths. Sorted and compared by the same noisy light, the
 /// darkest would be those whose reference came out too dark; so one half of the reference sorts and the other
 /// compares, and the other way round.
-fn eighths(texels: &[Checked]) -> Vec<Eighth> {
+fn eighths(texels: &[Checked]) -> Vec<BrightnessEighth> {
     let sorted = sorted(texels);
-    let eighth = |place: usize| {
+    let eighth = |rank: usize| {
         let [a, b] = [0, 1].map(|half: usize| {
-            let pairs = sorted[half][bounds(place, texels.len())].iter();
+            let pairs = sorted[half][bounds(rank, texels.len())].iter();
             ratio(pairs.map(|t| (t.baked.element_sum() / 3.0, t.halves[1 - half].element_sum() / 3.0)))
         });
         let ((light_a, a, error_a), (light_b, b, error_b)) = (a?, b?);
-        Some(Eighth {
-            place,
+        Some(BrightnessEighth {
+            rank,
             light: (light_a + light_b) / 2.0,
             difference: (a + b) / 2.0,
             // (Both hold much the same texels: taken as if they were the same.)
@@ -400,7 +402,7 @@ fn reference(worker: &Worker, index: u32, samples: u32) -> crate::Result<[Vec<Rg
     let halves = [0, 1].map(|half| {
         let sequence = worker.sequence(&surface, texel, Stream::Check, half);
         let mut sums = vec![Rgb::ZERO; lights.layers()];
-        let (mut direct, mut met) = (sums.clone(), vec![Rgb::ZERO; lights.met()]);
+        let (mut direct, mut met) = (sums.clone(), vec![Rgb::ZERO; lights.hit_lights()]);
         let mut taken = 0u32;
         for i in 0..samples / 2 {
             let sample = sequence.sample(i);
@@ -413,13 +415,13 @@ fn reference(worker: &Worker, index: u32, samples: u32) -> crate::Result<[Vec<Rg
         sums.iter_mut().for_each(|s| *s /= taken.max(1) as f32);
         sums
     });
-    if counts.endless > 0 { Err(endless::error(worker.transport.space.geometry)) } else { Ok(halves) }
+    if counts.endless > 0 { Err(endless_light::error(worker.transport.space.geometry)) } else { Ok(halves) }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::trace::sampler::{Kind, Sequence};
+    use crate::trace::sampler::{Sequence, SequenceKind};
 
     /// Numbers of mean 0 and variance 1, about normal: the sum of twelve even ones less 6.
     struct Noise {
@@ -430,7 +432,7 @@ mod tests {
     impl Noise {
         fn next(&mut self) -> f64 {
             self.drawn += 1;
-            let sample = Sequence::new(self.seed, Kind::Texel, self.drawn, 0).sample(0);
+            let sample = Sequence::new(self.seed, SequenceKind::Texel, self.drawn, 0).sample(0);
             (0..12).map(|d| f64::from(sample.number(d))).sum::<f64>() - 6.0
         }
     }
@@ -464,23 +466,24 @@ mod tests {
         let hash = |seed: u64, index: u32| {
             *blake3::hash(&[seed.to_le_bytes(), u64::from(index).to_le_bytes()].concat()).as_bytes()
         };
-        let texel = |place: usize| Chosen { place, index: 3 * place as u32 };
+        let texel = |position: usize| Chosen { position, index: 3 * position as u32 };
         // Every third texel of a page is covered, every second of these valid; all alike.
-        let valid = || (0..40_000usize).step_by(2).map(|place| (texel(place), 1.5));
+        let valid = || (0..40_000usize).step_by(2).map(|position| (texel(position), 1.5));
         for seed in [1, 2] {
             let mut expected: Vec<u32> = valid().map(|(chosen, _)| chosen.index).collect();
             expected.sort_by_key(|&index| hash(seed, index));
             let chosen = choose(valid(), seed);
-            assert!(chosen.iter().all(|c| c.index == 3 * c.place as u32));
+            assert!(chosen.iter().all(|c| c.index == 3 * c.position as u32));
             let indices: Vec<u32> = chosen.iter().map(|c| c.index).collect();
             assert_eq!(indices, expected[..TEXELS]);
         }
         assert_eq!(choose(valid().take(7), 1).len(), 7);
         // A field, a room of one texel in forty, and five texels without light, which count as the room's.
-        let light = |place: usize| if place.is_multiple_of(40) { 1e-3 } else { 1.0 };
-        let house = (0..40_000).map(|place| (texel(place), if place < 5 { 0.0 } else { light(place) }));
+        let light = |position: usize| if position.is_multiple_of(40) { 1e-3 } else { 1.0 };
+        let house =
+            (0..40_000).map(|position| (texel(position), if position < 5 { 0.0 } else { light(position) }));
         let chosen = choose(house, 1);
-        let dark = chosen.iter().filter(|c| c.place < 5 || c.place.is_multiple_of(40)).count();
+        let dark = chosen.iter().filter(|c| c.position < 5 || c.position.is_multiple_of(40)).count();
         assert_eq!((dark, chosen.len()), (TEXELS / 2, TEXELS));
     }
 
@@ -524,7 +527,7 @@ mod tests {
             assert!(eighth.standard_error < 0.03 && (eighth.light / 1.15 - 1.0).abs() < 0.2, "{eighth:?}");
         }
         let (frame, worst) = damaged.worst_eighth().expect("a worst eighth");
-        assert!(frame == 0 && worst.place < 2, "{worst:?}");
+        assert!(frame == 0 && worst.rank < 2, "{worst:?}");
     }
 
     #[test]
@@ -562,7 +565,7 @@ mod tests {
         let mut texels = [black; 16];
         texels[..3].iter_mut().for_each(|t| t.halves = [DVec3::ONE; 2]);
         let frame = summary(0, &texels).expect("light");
-        assert!(frame.own_error.is_finite() && frame.eighths.iter().all(|e| e.place >= 6), "{frame:?}");
+        assert!(frame.own_error.is_finite() && frame.eighths.iter().all(|e| e.rank >= 6), "{frame:?}");
         serde_json::to_string(&frame).unwrap();
     }
 
@@ -573,7 +576,7 @@ mod tests {
         let false_alarms = (1..=100).filter(|&seed| {
             let mut texels = bake(seed, 1.0, 1.0);
             for (i, texel) in texels.iter_mut().enumerate().filter(|(i, _)| i.is_multiple_of(4)) {
-                let sample = Sequence::new(seed, Kind::Patch, i as u32, 0).sample(0);
+                let sample = Sequence::new(seed, SequenceKind::Patch, i as u32, 0).sample(0);
                 texel.baked *= if sample.number(0) < 1.0 / 32.0 { 32.0 } else { 0.0 };
             }
             check_of(&texels).worst_eighth().is_some()
@@ -583,7 +586,8 @@ mod tests {
 
     #[test]
     fn words() {
-        let eighth = |place, difference| Eighth { place, light: 1.0, difference, standard_error: 0.004 };
+        let eighth =
+            |rank, difference| BrightnessEighth { rank, light: 1.0, difference, standard_error: 0.004 };
         assert_eq!(eighth(0, -0.031).words(), "darkest eighth: −3.1 ± 0.4 %");
         assert_eq!(eighth(7, 0.02).words(), "brightest eighth: +2.0 ± 0.4 %");
         assert_eq!(eighth(2, 0.02).words(), "eighth 3 of 8 from the darkest: +2.0 ± 0.4 %");

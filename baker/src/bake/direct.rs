@@ -13,48 +13,48 @@ use super::errors::cell_of;
 use super::state::{BlockState, CELLS, Direct};
 use crate::surface::BlockSurface;
 use crate::trace::counts::RayCounts;
+use crate::trace::light_subset::FEW_GROUPS;
 use crate::trace::path::sun_sample;
-use crate::trace::subset::ALL_UP_TO;
 use dataset::console::interrupted;
 use rayon::prelude::*;
 
 /// Pilot samples of each texel and light.
 const PILOT_SAMPLES: u16 = 4;
 /// Samples in each half that every texel and light gets where those of indirect light are eight or more; see
-/// [`first`].
-const FIRST: u16 = 4;
+/// [`first_samples`].
+const FIRST_DIRECT_SAMPLES: u16 = 4;
 /// The `log2` of twice as many direct samples as there are of indirect light on average; one less is half as
 /// many.
-const TWICE: u8 = 4;
+const LOG2_TWICE: u8 = 4;
 
 /// How many direct samples a texel and light gets.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct Want {
-    /// log₂ of their number relative to the samples of indirect light, see [`Want::samples`].
+struct DirectBudget {
+    /// log₂ of their number relative to the samples of indirect light, see [`DirectBudget::samples`].
     log2: u8,
     /// How often the numbers that go to every texel are halved for it.
     halvings: u8,
 }
 
-impl Want {
+impl DirectBudget {
     /// As kept in a block's state.
     fn to_byte(self) -> u8 {
         self.halvings << 4 | self.log2
     }
 
     fn from_byte(byte: u8) -> Self {
-        Want { log2: byte & 15, halvings: byte >> 4 }
+        DirectBudget { log2: byte & 15, halvings: byte >> 4 }
     }
 
-    /// The direct samples *in each half* that go with `samples` of indirect light *in both*: where trial
+    /// The direct samples *in each half* that go with `samples` of indirect light *in both*: where pilot
     /// samples did not differ (`log2` 0) one for 32, for they may all have missed a thin shadow; elsewhere
-    /// samples × 2^(log2 − [`TWICE`]).
+    /// samples × 2^(log2 − [`LOG2_TWICE`]).
     fn samples(self, samples: u32, first: u16) -> u16 {
         /// What a counter holds.
         const MOST: u64 = 1 << 15;
         let samples = match self.log2 {
             0 => u64::from(samples / 32) >> self.halvings,
-            _ => u64::from(samples) << self.log2 >> TWICE,
+            _ => u64::from(samples) << self.log2 >> LOG2_TWICE,
         };
         (samples.min(MOST) as u16).max(halved(first, self.halvings))
     }
@@ -62,8 +62,8 @@ impl Want {
 
 /// Samples in each half that every texel and light gets where `samples` of indirect light are sure to be
 /// drawn: no more than of those, but two at least.
-fn first(samples: u32) -> u16 {
-    (samples / 2).clamp(2, u32::from(FIRST)) as u16
+fn first_samples(samples: u32) -> u16 {
+    (samples / 2).clamp(2, u32::from(FIRST_DIRECT_SAMPLES)) as u16
 }
 
 /// So many samples, halved, and one at least.
@@ -75,19 +75,19 @@ impl Worker<'_> {
     /// Draws the pilot samples and the first ones that count.
     pub fn first_direct(&self, surface: &BlockSurface, state: &mut BlockState) -> RayCounts {
         let lights = self.transport.lights.sampled();
-        state.pilot = vec![Direct::default(); state.taken.len() * lights];
+        state.pilot_samples = vec![Direct::default(); state.taken.len() * lights];
         let halvings = self.halvings_of(surface, &state.probes);
         let goals = |samples| halvings.iter().map(|&h| halved(samples, h)).collect::<Vec<u16>>();
         let goals_of_pilot = goals(PILOT_SAMPLES);
         let rays = self.draw_direct(
             surface,
             &state.probes,
-            &mut state.pilot,
+            &mut state.pilot_samples,
             &goals_of_pilot,
             &[(Stream::Pilot, 0)],
         );
-        let goals = goals(first(self.certain));
-        rays + self.draw_direct(surface, &state.probes, &mut state.direct, &goals, &HALVES)
+        let goals = goals(first_samples(self.guaranteed_samples));
+        rays + self.draw_direct(surface, &state.probes, &mut state.direct, &goals, &COUNTED_STREAMS)
     }
 
     /// Draws the direct samples that go with `samples` of indirect light, in cells that are `active`. `means`
@@ -100,40 +100,44 @@ impl Worker<'_> {
         samples: u32,
         means: &[f32],
     ) -> RayCounts {
-        if state.wants.is_empty() {
+        if state.direct_budgets.is_empty() {
             let covered: Vec<usize> = surface.covered().collect();
             let halvings = self.halvings_of(surface, &state.probes);
             let suns = self.transport.lights.suns.len();
-            state.wants = wants(surface, &covered, &state.pilot, &halvings, means, suns);
-            state.pilot = Vec::new();
+            state.direct_budgets =
+                direct_budgets(surface, &covered, &state.pilot_samples, &halvings, means, suns);
+            state.pilot_samples = Vec::new();
         }
-        let first = first(self.certain);
-        let goals =
-            surface.covered().zip(state.wants.chunks(means.len().max(1))).flat_map(|(texel, wants)| {
+        let first = first_samples(self.guaranteed_samples);
+        let goals = surface.covered().zip(state.direct_budgets.chunks(means.len().max(1))).flat_map(
+            |(texel, direct_budgets)| {
                 let samples = if active[cell_of(surface, texel)] { samples } else { 0 };
-                wants.iter().map(move |&want| Want::from_byte(want).samples(samples, first))
-            });
+                direct_budgets
+                    .iter()
+                    .map(move |&budget| DirectBudget::from_byte(budget).samples(samples, first))
+            },
+        );
         let goals: Vec<u16> = goals.collect();
-        self.draw_direct(surface, &state.probes, &mut state.direct, &goals, &HALVES)
+        self.draw_direct(surface, &state.probes, &mut state.direct, &goals, &COUNTED_STREAMS)
     }
 
     /// How often the samples of each covered texel and light are halved (`[texel][light]`): as often as the
-    /// chance with which the group would be asked among all of them. Suns are never.
+    /// chance with which the group would be sampled among all of them. Suns are never.
     fn halvings_of(&self, surface: &BlockSurface, probes: &[u16]) -> Vec<u8> {
         /// A group's light is looked at with one sample at least: more halvings change nothing but what goes
         /// with a thousand samples.
         const MOST: f32 = 4.0;
         /// Light groups, of many, that get all of their samples.
-        const ASKED: usize = 4;
+        const FULLY_SAMPLED: usize = 4;
         let lights = self.transport.lights;
         let (suns, groups) = (lights.suns.len(), lights.groups.len());
-        if groups <= ALL_UP_TO {
+        if groups <= FEW_GROUPS {
             return vec![0; probes.len() * lights.sampled()];
         }
         let covered: Vec<usize> = surface.covered().collect();
         let of_texel = |(&texel, &probes): (&usize, &u16)| {
             let at = self.surface_point(surface, texel, probes);
-            let chances = at.and_then(|at| self.transport.chances(&at, ASKED));
+            let chances = at.and_then(|at| self.transport.chances(&at, FULLY_SAMPLED));
             let of_groups = chances.unwrap_or_else(|| vec![1.0; groups]).into_iter();
             let halvings = of_groups.map(|chance| (-chance.log2()).floor().min(MOST) as u8);
             std::iter::repeat_n(0, suns).chain(halvings).collect::<Vec<u8>>()
@@ -175,13 +179,15 @@ impl Worker<'_> {
                 for i in first.unwrap_or(last)..last {
                     let sample = sequence.sample(u32::from(i));
                     let at = self.receiver(surface, texel, sample, probes, &mut counts);
-                    let draw = sun_sample(sample);
+                    let sun_sample = sun_sample(sample);
                     for (light, (d, goal)) in records.iter_mut().zip(goals).enumerate() {
                         if d.drawn > i || i >= *goal {
                             continue;
                         }
                         match &at {
-                            Some(at) => d.add(self.transport.direct(at, light, sample, &draw, &mut counts)),
+                            Some(at) => {
+                                d.add(self.transport.direct(at, light, sample, &sun_sample, &mut counts))
+                            }
                             None => d.drawn += 1,
                         }
                     }
@@ -194,33 +200,33 @@ impl Worker<'_> {
 }
 
 /// The streams of the samples that count.
-const HALVES: [(Stream, usize); 2] = [(Stream::Direct, 0), (Stream::Direct, 1)];
+const COUNTED_STREAMS: [(Stream, usize); 2] = [(Stream::Direct, 0), (Stream::Direct, 1)];
 
-/// The [`Want`] of each covered texel and light (`[texel][light]`), as bytes: how many are worth their rays,
-/// by its pilot samples and those of the texels beside.
-fn wants(
+/// The [`DirectBudget`] of each covered texel and light (`[texel][light]`), as bytes: how many are worth
+/// their rays, by its pilot samples and those of the texels beside.
+fn direct_budgets(
     surface: &BlockSurface,
     covered: &[usize],
-    pilot: &[Direct],
+    pilot_samples: &[Direct],
     halvings: &[u8],
     means: &[f32],
     suns: usize,
 ) -> Vec<u8> {
     /// The most for groups: four times as many again take twice the time in the scene `room`, for a third off
     /// the error at noon.
-    const MOST: f32 = TWICE as f32 + 2.0;
+    const MOST: f32 = LOG2_TWICE as f32 + 2.0;
     /// Of suns there are many, and their noise is little beside that of indirect light: they get half of what
     /// groups would. (In the yard that costs 3 % of error and saves a fifth of the time; a quarter costs 12 %
     /// and saves a tenth more.)
     const LESS: u8 = 1;
     let lights = means.len();
     // Of many groups each has its own bright texels, and those of all together are many.
-    let fewer = if lights - suns > ALL_UP_TO { LESS } else { 0 };
+    let fewer = if lights - suns > FEW_GROUPS { LESS } else { 0 };
     // The place of each texel of the block among the covered ones. (Neighbours in other blocks are not asked:
     // along their borders some edges of shadows are found less surely.)
     let mut place = vec![None; surface.width * surface.height];
     covered.iter().enumerate().for_each(|(i, &texel)| place[texel] = Some(i));
-    let mut wants = vec![0; pilot.len()];
+    let mut direct_budgets = vec![0; pilot_samples.len()];
     for (i, &texel) in covered.iter().enumerate() {
         let (x, y) = (texel % surface.width, texel / surface.width);
         let beside = [
@@ -231,15 +237,15 @@ fn wants(
         ];
         let beside = beside.map(|t| t.and_then(|t| place[t]));
         for light in 0..lights {
-            let own = &pilot[i * lights + light];
-            let beside = || beside.iter().flatten().map(|&n| &pilot[n * lights + light]);
+            let own = &pilot_samples[i * lights + light];
+            let beside = || beside.iter().flatten().map(|&n| &pilot_samples[n * lights + light]);
             let edges = beside().filter(|n| own.differs_from(n));
             let step = edges.map(|n| (n.mean() - own.mean()).element_sum().abs()).reduce(f32::max);
             let less = if light < suns { LESS } else { 0 };
             // Where nothing is known but that samples differ: as many as of indirect light for suns, half as
             // many for groups, whose rays cost more. Beside texels whose samples vary a quarter as many: a
             // thin shadow that crosses them may have been missed here.
-            let most = if light < suns { TWICE - LESS } else { TWICE - 2 };
+            let most = if light < suns { LOG2_TWICE - LESS } else { LOG2_TWICE - 2 };
             let usual = match own.varies() || step.is_some() {
                 true => most,
                 false if beside().any(Direct::varies) => (most - 2).max(1),
@@ -247,16 +253,17 @@ fn wants(
             };
             // In proportion to the deviation where it is large beside the light's mean over all pages.
             let deviation = own.deviation().max(0.5 * step.unwrap_or(0.0));
-            let large =
-                (deviation / means[light].max(f32::MIN_POSITIVE)).log2().round() + f32::from(TWICE) - 1.0;
+            let large = (deviation / means[light].max(f32::MIN_POSITIVE)).log2().round()
+                + f32::from(LOG2_TWICE)
+                - 1.0;
             let halvings = halvings[i * lights + light];
             let usual: u8 = usual.saturating_sub(halvings);
             let large = (large.clamp(0.0, MOST) as u8).saturating_sub(less + fewer);
             let log2 = usual.max(large);
-            wants[i * lights + light] = Want { log2, halvings }.to_byte();
+            direct_budgets[i * lights + light] = DirectBudget { log2, halvings }.to_byte();
         }
     }
-    wants
+    direct_budgets
 }
 
 #[cfg(test)]
@@ -265,29 +272,31 @@ mod tests {
 
     #[test]
     fn samples_follow_the_want() {
-        let wanted = |log2, samples| Want { log2, halvings: 0 }.samples(samples, FIRST);
+        let wanted =
+            |log2, samples| DirectBudget { log2, halvings: 0 }.samples(samples, FIRST_DIRECT_SAMPLES);
         assert_eq!(wanted(0, 128), 4);
         assert_eq!(wanted(0, 1024), 32);
-        assert_eq!([1, 3, 4, 6].map(|want| wanted(want, 128)), [16, 64, 128, 512]);
+        assert_eq!([1, 3, 4, 6].map(|budget| wanted(budget, 128)), [16, 64, 128, 512]);
         assert_eq!(wanted(6, 2), 8);
         assert_eq!(wanted(6, u32::MAX), 1 << 15);
-        assert_eq!(wanted(0, 0), FIRST);
+        assert_eq!(wanted(0, 0), FIRST_DIRECT_SAMPLES);
     }
 
     #[test]
     fn few_samples_begin_with_few() {
-        assert_eq!([2, 4, 8, 16, 1024].map(first), [2, 2, 4, 4, 4]);
-        assert_eq!(Want::default().samples(2, first(2)), 2);
+        assert_eq!([2, 4, 8, 16, 1024].map(first_samples), [2, 2, 4, 4, 4]);
+        assert_eq!(DirectBudget::default().samples(2, first_samples(2)), 2);
     }
 
     #[test]
     fn halvings_leave_one_sample_and_what_is_wanted() {
-        let of = |log2, halvings, samples| Want { log2, halvings }.samples(samples, FIRST);
+        let of =
+            |log2, halvings, samples| DirectBudget { log2, halvings }.samples(samples, FIRST_DIRECT_SAMPLES);
         assert_eq!([0, 1, 2, 4].map(|h| of(0, h, 64)), [4, 2, 1, 1]);
         assert_eq!([0, 1, 2, 4].map(|h| of(0, h, 1024)), [32, 16, 8, 2]);
         assert_eq!([0, 4].map(|h| of(3, h, 64)), [32, 32]);
-        for want in (0..=6).flat_map(|log2| (0..=4).map(move |halvings| Want { log2, halvings })) {
-            assert_eq!(Want::from_byte(want.to_byte()), want);
+        for budget in (0..=6).flat_map(|log2| (0..=4).map(move |halvings| DirectBudget { log2, halvings })) {
+            assert_eq!(DirectBudget::from_byte(budget.to_byte()), budget);
         }
     }
 }

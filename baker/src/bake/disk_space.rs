@@ -1,10 +1,9 @@
 //! The disk that a bake takes at its peak, compared with what is free where it writes: told before light is
 //! traced, not after hours of it.
 
-use super::forecast::cache_entries;
 use super::layer_file::CHECKSUM;
 use super::layers::Layers;
-use super::layout_estimate::LayoutEstimate;
+use super::layout_estimate::{LayoutEstimate, cache_entries};
 use super::options::{Integrator, Options};
 use super::prepare::Prepared;
 use super::work::WorkFolder;
@@ -55,7 +54,7 @@ impl DiskSpace {
         };
         let skies = layers.iter().filter(is_sky).count() as u64;
         let sky_apart = if prepared.scene.sky_baked == Baked::Indirect { skies } else { 0 };
-        let met = layers.iter().filter(shines).count() as u64 + sky_apart;
+        let hit_lights = layers.iter().filter(shines).count() as u64 + sky_apart;
         let denoised = if prepared.denoise.is_some() { count } else { 0 };
         let traced = n * (8 + 20 * parts) + CHECKSUM as u64 * (parts + 1);
         let filtered = (n * 24 + CHECKSUM as u64) * denoised;
@@ -68,7 +67,7 @@ impl DiskSpace {
         // kept.
         let is_judged = prepared.denoise.is_some() && prepared.limits.target_error.is_some();
         let provisional = if is_judged { traced + filtered } else { 0 };
-        let blocks = n * (15 + SUMS * (count + met) + DIRECT * (count - skies));
+        let blocks = n * (15 + SUMS * (count + hit_lights) + DIRECT * (count - skies));
         DiskSpace {
             dataset: IMAGE * layout.page_texels() * (plan.times.len() + plan.layers()) as u64,
             traced,
@@ -80,7 +79,7 @@ impl DiskSpace {
 
     /// What is still to be written to the folder `out`, at most: less what an earlier run of the same bake
     /// left there.
-    pub fn left(prepared: &Prepared, layout: &LayoutEstimate, out: &Path, options: &Options) -> Self {
+    pub fn still_needed(prepared: &Prepared, layout: &LayoutEstimate, out: &Path, options: &Options) -> Self {
         let layers = Layers::new(out);
         let is_missing = |&layer: &usize| options.force || !layers.holds(&prepared.digests[layer]);
         let missing: Vec<usize> = (0..prepared.digests.len()).filter(is_missing).collect();
@@ -105,7 +104,7 @@ impl DiskSpace {
     ///
     /// # Errors
     /// [`Error::Invalid`].
-    pub fn expect_space(&self, out: &Path, free: Option<u64>) -> Result<()> {
+    pub fn check_free_space(&self, out: &Path, free: Option<u64>) -> Result<()> {
         match free {
             Some(free) if self.peak() > free.saturating_add(self.removed) => {
                 Err(Error::invalid(out.display(), self.refusal(free)))
@@ -140,14 +139,6 @@ fn bytes_below(folder: &Path) -> u64 {
     entries.map(bytes).sum()
 }
 
-/// The bytes that are free to this user on the file system of a folder that may not exist yet; `None` where
-/// the system does not tell.
-pub fn free_bytes(folder: &Path) -> Option<u64> {
-    let folder = std::path::absolute(folder).ok()?;
-    let nearest = folder.ancestors().find(|path| path.exists())?;
-    dataset::system::free_bytes(nearest)
-}
-
 /// Such as `1.3 GB`, to two digits.
 pub fn in_words(bytes: u64) -> String {
     let (unit, name) = match bytes {
@@ -169,9 +160,9 @@ mod tests {
         let disk = DiskSpace { dataset: 300, traced: 1000, filtered: 100, work: 5000, removed: 0 };
         assert_eq!(disk.peak(), 6000);
         assert_eq!(DiskSpace { dataset: 30_000, ..disk }.peak(), 31_100);
-        let at = |free| disk.expect_space(Path::new("there"), free);
+        let at = |free| disk.check_free_space(Path::new("there"), free);
         assert!(at(Some(6000)).is_ok() && at(None).is_ok());
-        assert!(DiskSpace { removed: 1, ..disk }.expect_space(Path::new("there"), Some(5999)).is_ok());
+        assert!(DiskSpace { removed: 1, ..disk }.check_free_space(Path::new("there"), Some(5999)).is_ok());
         let refused = at(Some(5999)).unwrap_err().to_string();
         assert!(
             ["there", "6.0 kB", "work 5.0 kB", "--out", "--hours", "size"]
@@ -179,13 +170,6 @@ mod tests {
                 .all(|what| refused.contains(what)),
             "{refused}"
         );
-    }
-
-    #[test]
-    fn what_is_free_is_that_of_the_nearest_folder_that_exists() {
-        let dir = tempfile::tempdir().unwrap();
-        let free = free_bytes(&dir.path().join("not/yet"));
-        assert!(free.is_some_and(|free| free > 0), "{free:?}");
     }
 
     #[test]

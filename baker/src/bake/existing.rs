@@ -83,7 +83,7 @@ fn has_geometry(dataset: &Dataset) -> bool {
 ///
 /// # Errors
 /// [`Error::Invalid`], also where a file of the scene is one that the dataset has.
-pub fn refuse_foreign<'a>(out: &Path, reads: impl IntoIterator<Item = &'a Path>) -> Result<()> {
+pub fn refuse_foreign_folder<'a>(out: &Path, reads: impl IntoIterator<Item = &'a Path>) -> Result<()> {
     let is_own = [store::MANIFEST, store::WORK, layers::FOLDER].iter().any(|name| out.join(name).exists());
     let written = [GLB, RUN, REPORT, store::DATA];
     // (An empty folder is nobody's loss.)
@@ -123,7 +123,12 @@ pub fn refuse_foreign<'a>(out: &Path, reads: impl IntoIterator<Item = &'a Path>)
 /// [`Error::Invalid`] where less would take its place: another scene, fewer of its hours, fewer samples or
 /// fewer texels. A quick look at one hour must not cost a day's bake; `--force` says that it may. Also,
 /// forced or not, where a manifest stands there that cannot be read.
-pub fn refuse_less(out: &Path, prepared: &Prepared, options: &Options, console: &dyn Observer) -> Result<()> {
+pub fn refuse_downgrade(
+    out: &Path,
+    prepared: &Prepared,
+    options: &Options,
+    console: &dyn Observer,
+) -> Result<()> {
     let existing = match Dataset::open_manifest(out) {
         Ok(dataset) => dataset.config,
         Err(_) if !out.join(store::MANIFEST).exists() => return Ok(()),
@@ -177,21 +182,23 @@ pub fn replacement_note(prepared: &Prepared, options: &Options) -> Result<Option
     let out = prepared.out(options);
     let refused = |error: Error| format!("this bake would be refused: {error}");
     let reads = prepared.scene.objects.iter().map(|object| object.file.as_path());
-    if let Err(error) = output::expect_free(&out).and_then(|()| refuse_foreign(&out, reads)) {
+    if let Err(error) =
+        output::check_no_file_in_the_way(&out).and_then(|()| refuse_foreign_folder(&out, reads))
+    {
         return Ok(Some(refused(error)));
     }
     let (_, inputs) = prepared.manifest(options)?;
     if up_to_date(&out, &inputs, options, Instant::now()).is_some() {
         return Ok(Some(format!("{} already holds this bake: nothing would be traced", out.display())));
     }
-    if let Err(error) = refuse_less(&out, prepared, options, &Silent) {
+    if let Err(error) = refuse_downgrade(&out, prepared, options, &Silent) {
         return Ok(Some(refused(error)));
     }
     if options.force {
         return Ok(None);
     }
     let (layers, all) = (Layers::new(&out), prepared.digests.len());
-    let missing = kept::missing(&prepared.plan, &layers, &prepared.base(), &prepared.digests);
+    let missing = kept::not_kept(&prepared.plan, &layers, &prepared.base(), &prepared.digests);
     if !missing.is_empty()
         && let Err(error) = refuse_unfinished(&out, &prepared.work(&missing), &layers)
     {

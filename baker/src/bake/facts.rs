@@ -2,8 +2,7 @@
 
 use super::assemble::Stored;
 use super::charts::Counts;
-use super::forecast::density;
-use super::local::OVER;
+use super::local::COUNTED_ERRORS;
 use super::options::LayerCount;
 use super::plan::{Plan, hour};
 use super::rounds::Traced;
@@ -62,7 +61,7 @@ pub fn advice(
     (samples, target): (u32, Option<f64>),
     is_denoised: bool,
 ) -> Option<String> {
-    let (target, is_asked) = (target.unwrap_or(OVER[0]), target.is_some());
+    let (target, is_asked) = (target.unwrap_or(COUNTED_ERRORS[0]), target.is_some());
     let worst = stored.worst.as_ref()?;
     let local = stored.local.1[worst.frame].filter(|local| local.p95 > target)?;
     let (layer, share) = *worst.causes.first()?;
@@ -242,4 +241,13 @@ pub fn of_bake(
         facts.push(format!("continued an earlier run that had finished {}", count(traced.resumed, "round")));
     }
     facts
+}
+
+/// Texels per metre to one decimal, or to two digits where that would show few.
+pub(super) fn density(per_metre: f64) -> String {
+    match per_metre {
+        0.95.. => format!("{per_metre:.1}"),
+        0.001.. => format!("{per_metre:.*}", 1 - per_metre.log10().floor() as usize),
+        _ => format!("{per_metre:.1e}"),
+    }
 }

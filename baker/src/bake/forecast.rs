@@ -4,7 +4,8 @@
 use super::cache_system;
 use super::denoise;
 use super::disk_space::{DiskSpace, IMAGE};
-use super::layout_estimate::LayoutEstimate;
+use super::facts::density;
+use super::layout_estimate::{LayoutEstimate, cache_entries};
 use super::options::Integrator;
 use super::prepare::Prepared;
 use super::rounds;
@@ -16,13 +17,12 @@ use crate::atlas::Atlas;
 use crate::geometry::Bounds;
 use crate::scene::Sky;
 use crate::surface::{BLOCK, BlockSurface, FaceBins};
-use crate::trace::cache::CacheMap;
 use crate::trace::cache_half::CacheHalf;
 use crate::trace::counts::RayCounts;
 use crate::trace::lights::Lights;
 use crate::trace::path::{Transport, point_pair};
-use crate::trace::rays::Rays;
-use crate::trace::sampler::{Kind, Sequence};
+use crate::trace::ray_tracer::RayTracer;
+use crate::trace::sampler::{Sequence, SequenceKind};
 use crate::trace::space::Space;
 use crate::{Result, light::sky::SkyTable};
 use dataset::tiles::TILE;
@@ -37,7 +37,8 @@ pub struct Forecast {
     pub size: [u32; 2],
     /// How many times as wide the texels of the layout were by which all this is estimated: 1 where it is
     /// that of a bake.
-    pub finer: u32,
+    #[serde(rename = "finer")]
+    pub texel_scale: u32,
     /// Pages.
     pub pages: u32,
     /// Texels that surface touches: those it covers, and a few that it only grazes.
@@ -106,25 +107,25 @@ pub fn forecast(prepared: &Prepared, layout: &LayoutEstimate) -> Result<Forecast
     let assembling = 4 * IMAGE * layout.virtual_texels() + 32 * n;
     // While layers are denoised: where texels are; and for each thread, a block and its surroundings.
     let block = DENOISED_NEIGHBOURS
-        + DENOISED_LAYER * layers.min(denoise::AT_ONCE as u64)
-        + DENOISED_RESULT * layers.min(denoise::OPEN as u64);
+        + DENOISED_LAYER * layers.min(denoise::LAYERS_AT_ONCE as u64)
+        + DENOISED_RESULT * layers.min(denoise::OPEN_FILES as u64);
     let denoising = prepared.denoise.map_or(0, |_| 80 * n + block * rayon::current_num_threads() as u64);
     let entries = match prepared.integrator {
         Integrator::Cached => cache_entries(prepared, layout),
         Integrator::Path => 0,
     };
-    let paths = cache_system::paths_per_entry(entries, rounds::certain(&prepared.limits));
+    let paths = cache_system::paths_per_entry(entries, rounds::guaranteed_samples(&prepared.limits));
     let cache = solve::bytes(entries, plan.layers(), paths);
     let stored_cache = 2 * (entries * CacheHalf::bytes_per_entry(plan.layers())) as u64;
     // Towards a target layers are denoised between rounds, too: beside the cache.
     let is_judged = prepared.denoise.is_some() && prepared.limits.target_error.is_some();
     let beside = if is_judged { stored_cache } else { 0 };
-    let rays = prepared.rays()?;
-    let tile = TILE / layout.finer as usize;
+    let ray_tracer = prepared.ray_tracer()?;
+    let tile = TILE / layout.texel_scale as usize;
     let has_sky = !plan.suns.is_empty() || !plan.sky_hours.is_empty();
     Ok(Forecast {
         size: layout.size,
-        finer: layout.finer,
+        texel_scale: layout.texel_scale,
         pages: atlas.pages,
         texels,
         skipped_triangles: atlas.skipped.triangles,
@@ -137,9 +138,9 @@ pub fn forecast(prepared: &Prepared, layout: &LayoutEstimate) -> Result<Forecast
         work_bytes: disk.work,
         peak_bytes: disk.peak(),
         memory_bytes: memory(triangles, assembling.max(cache).max(beside + denoising)),
-        views: views(&prepared.scene.cameras, &prepared.geometry, atlas, tile, &rays),
+        views: views(&prepared.scene.cameras, &prepared.geometry, atlas, tile, &ray_tracer),
         lit_tiles: lit_tiles(atlas, tile),
-        escaping_rays: has_sky.then(|| escaping_rays(prepared, atlas, &rays, &bins, &blocks)),
+        escaping_rays: has_sky.then(|| escaping_rays(prepared, atlas, &ray_tracer, &bins, &blocks)),
     })
 }
 
@@ -160,23 +161,11 @@ pub(super) fn extent(positions: &[Vec3]) -> [f64; 3] {
     Bounds::of(positions.iter().copied()).size().to_array()
 }
 
-/// Entries of the cache.
-pub(super) fn cache_entries(prepared: &Prepared, layout: &LayoutEstimate) -> usize {
-    let shift = solve::shift(layout.texels(), prepared.plan.layers());
-    let halvings = layout.finer.ilog2();
-    // Squares smaller than a texel of the layout are so many times as many as its texels.
-    let (coarse, smaller) = (shift.saturating_sub(halvings), halvings.saturating_sub(shift));
-    let most = solve::most_entries(prepared.plan.layers());
-    let atlas = &layout.atlas;
-    let map = CacheMap::new(atlas, &prepared.geometry, (coarse, most), atlas.touched());
-    ((map.squares() << (2 * smaller)) + map.patches()).min(most.max(map.squares() << (2 * smaller)))
-}
-
 /// How many of [`ESCAPE_RAYS`] rays from points spread over the pages leave the scene.
 fn escaping_rays(
     prepared: &Prepared,
     atlas: &Atlas,
-    rays: &Rays,
+    ray_tracer: &RayTracer,
     bins: &FaceBins,
     blocks: &[usize],
 ) -> usize {
@@ -184,7 +173,7 @@ fn escaping_rays(
     // A white sky: what sees it, sees out.
     let white = Sky::Constant { radiance: DVec3::ONE };
     let lights = Lights { sky: SkyTable::new(Some(&white), None, &[12.0]), ..Lights::none() };
-    let transport = Transport::new(Space::new(geometry, rays), &lights, Some(0));
+    let transport = Transport::new(Space::new(geometry, ray_tracer), &lights, Some(0));
     // A few blocks, evenly spread, and as many rays from each.
     let of_group = |group: usize| {
         let block = blocks[group * blocks.len() / ESCAPE_BLOCKS];
@@ -192,7 +181,8 @@ fn escaping_rays(
         let places: Vec<usize> = surface.covered().collect();
         let leaves = |ray: &usize| {
             let probe = group * PER_BLOCK + ray;
-            let sample = Sequence::new(prepared.scene.bake.seed, Kind::PlanRay, probe as u32, 0).sample(0);
+            let sample =
+                Sequence::new(prepared.scene.bake.seed, SequenceKind::PlanRay, probe as u32, 0).sample(0);
             let Some(&texel) = places.get(ray * places.len() / PER_BLOCK) else { return false };
             let at = transport.space.receiver(&surface.sample(atlas, texel, point_pair(sample)));
             let mut out = [Rgb::ZERO];
@@ -205,15 +195,6 @@ fn escaping_rays(
         (0..PER_BLOCK).filter(leaves).count()
     };
     if blocks.is_empty() { 0 } else { (0..ESCAPE_BLOCKS).into_par_iter().map(of_group).sum() }
-}
-
-/// Texels per metre to one decimal, or to two digits where that would show few.
-pub(super) fn density(per_metre: f64) -> String {
-    match per_metre {
-        0.95.. => format!("{per_metre:.1}"),
-        0.001.. => format!("{per_metre:.*}", 1 - per_metre.log10().floor() as usize),
-        _ => format!("{per_metre:.1e}"),
-    }
 }
 
 /// A length to three digits or so.

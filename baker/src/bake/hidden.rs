@@ -11,18 +11,18 @@ use crate::geometry::{Geometry, Solids};
 use crate::scene::{HiddenFaces, Lightmap, LightmapSize, UvSource};
 use crate::surface::SurfacePoint;
 use crate::trace::counts::RayCounts;
-use crate::trace::rays::Rays;
+use crate::trace::ray_tracer::RayTracer;
 use crate::trace::space::Space;
 use glam::Vec3;
 use rayon::prelude::*;
 
 /// Fewest intervals between lattice points along a side of a face: 15 points.
-const FEWEST: f64 = 4.0;
+const FEWEST_INTERVALS: f64 = 4.0;
 /// Most of them: 131,841 points. A face that would need more keeps its texels, since a part of it that can be
 /// seen might lie between them.
-const MOST: f64 = 512.0;
+const MOST_INTERVALS: f64 = 512.0;
 /// Intervals along a texel.
-const PER_TEXEL: f64 = 2.0;
+const INTERVALS_PER_TEXEL: f64 = 2.0;
 /// How far lattice points stay off the edges, as a fraction of the face.
 const INSET: f32 = 1e-3;
 /// Widest gap between surfaces that are pressed together, as a fraction of a face's height.
@@ -45,7 +45,7 @@ pub fn find(geometry: &Geometry, lightmap: &Lightmap) -> Hidden {
     if !is_sought(lightmap) {
         return Hidden::default();
     }
-    let rays = Rays::new(geometry);
+    let rays = RayTracer::new(geometry);
     find_in(&Space::new(geometry, &rays).with_solids(Solids::new(geometry)), lightmap)
 }
 
@@ -97,12 +97,12 @@ fn is_hidden(space: &Space, triangle: u32, texel: f64, gap: f64, counts: &mut Ra
     let height = 2.0 * geometry.area_f64(triangle as usize) / longest;
     let gap = gap.min(GAP_OF_FACE * height) as f32;
     let two_sided = space.material(triangle).two_sided;
-    let along = (PER_TEXEL * longest / texel).ceil().max(FEWEST);
-    if along > MOST {
+    let along = (INTERVALS_PER_TEXEL * longest / texel).ceil().max(FEWEST_INTERVALS);
+    if along > MOST_INTERVALS {
         return false;
     }
     // (Of a triangle that is a point, or of no texels, that is no number, and `max` passes over it.)
-    let across = (PER_TEXEL * height / texel).ceil().max(FEWEST).min(along);
+    let across = (INTERVALS_PER_TEXEL * height / texel).ceil().max(FEWEST_INTERVALS).min(along);
     let apex = opposite_longest(geometry.corners(triangle as usize));
     lattice(along as u32, across as u32).all(|mut barycentric| {
         barycentric.as_mut().rotate_right(apex);

@@ -1,6 +1,6 @@
 use super::*;
 use crate::atlas;
-use crate::trace::sampler::{Kind, Sequence};
+use crate::trace::sampler::{Sequence, SequenceKind};
 use crate::{geometry, scene};
 use glam::{DVec3, dvec3};
 use std::fmt::Write;
@@ -286,7 +286,7 @@ type Cells = ([i32; 3], [i32; 3]);
 fn random(seed: u64) -> (Vec<Cells>, Obj) {
     const SIDE: i32 = 8;
     let number = |i: u32, n: i32| {
-        let u = Sequence::new(seed, Kind::Texel, i, 0).sample(0).number(0);
+        let u = Sequence::new(seed, SequenceKind::Texel, i, 0).sample(0).number(0);
         ((u * n as f32) as i32).min(n - 1)
     };
     let cells = |i: u32| {

@@ -6,16 +6,16 @@ use super::errors::cell_of;
 use super::state::{BlockState, CELLS};
 use crate::Rgb;
 use crate::surface::BlockSurface;
+use crate::trace::bright_facet_index::BrightFacetIndex;
+use crate::trace::bright_facets::{BrightFacet, MOST_CLUSTERS, sides};
+use crate::trace::bright_surfaces::{BrightLayers, BrightSurfaceView, BrightSurfaces};
 use crate::trace::cache::CacheMap;
 use crate::trace::cache_half::CacheHalf;
 use crate::trace::counts::RayCounts;
-use crate::trace::facet_index::FacetIndex;
-use crate::trace::facets::{CLUSTERS, Facet, sides};
+use crate::trace::light_subset::{FEW_GROUPS, SystematicSampler, chances};
 use crate::trace::path::{Arrival, balance_heuristic};
-use crate::trace::reflectors::{Part, Reflectors, View};
 use crate::trace::sampler::Sample;
 use crate::trace::space::Receiver;
-use crate::trace::subset::{ALL_UP_TO, SystematicSampler, chances};
 use crate::trace::triangle::Hit;
 use dataset::console::interrupted;
 use rayon::prelude::*;
@@ -29,18 +29,18 @@ pub struct Cache<'a> {
     /// One per half of the samples.
     pub halves: [CacheHalf; 2],
     /// Its bright surfaces: those of daylight and those of each group, where there are any.
-    pub reflectors: Vec<Reflectors>,
+    pub bright_surfaces: Vec<BrightSurfaces>,
     /// Which of their facets hold a point.
-    index: FacetIndex,
-    /// The bright surfaces of light groups among `reflectors`, where groups are many.
+    index: BrightFacetIndex,
+    /// The bright surfaces of light groups among `bright_surfaces`, where groups are many.
     of_many: Range<usize>,
     /// Per block and cell, what is seen of each of them, once somebody asked.
-    views: Vec<OnceLock<Vec<Option<Sight>>>>,
+    views: Vec<OnceLock<Vec<Option<CellView>>>>,
 }
 
 /// What a cell sees of the bright surfaces of one light group, or of daylight.
-struct Sight {
-    view: View,
+struct CellView {
+    view: BrightSurfaceView,
     /// The part of its paths that come with a look at them.
     chance: f32,
 }
@@ -51,62 +51,64 @@ impl<'a> Cache<'a> {
         let (geometry, lights) = (worker.transport.space.geometry, worker.transport.lights);
         // Each cell looks at each cluster: many groups have fewer of them.
         let clusters = match lights.groups.len() {
-            ..=ALL_UP_TO => CLUSTERS,
-            many => (MANY_CLUSTERS / many).clamp(LEAST_CLUSTERS, CLUSTERS),
+            ..=FEW_GROUPS => MOST_CLUSTERS,
+            many => (MANY_CLUSTERS / many).clamp(LEAST_CLUSTERS, MOST_CLUSTERS),
         };
         let of_group = |g| {
             let layer = lights.group_layer(g);
-            Part { layers: layer..layer + 1, key: lights.groups[g].key, clusters }
+            BrightLayers { layers: layer..layer + 1, key: lights.groups[g].key, clusters }
         };
-        let daylight = Part { layers: 0..lights.sky_layers().end, key: 0, clusters: CLUSTERS };
+        let daylight = BrightLayers { layers: 0..lights.sky_layers().end, key: 0, clusters: MOST_CLUSTERS };
         let parts = [daylight].into_iter().chain((0..lights.groups.len()).map(of_group));
         let sides = sides(geometry, &map);
-        let of_part = |part| Reflectors::new(geometry, &map, &halves, &sides, part);
-        let reflectors: Vec<Reflectors> = parts.filter_map(of_part).collect();
-        let cells = if reflectors.is_empty() { 0 } else { worker.bins.columns * worker.bins.rows * CELLS };
+        let of_part = |part| BrightSurfaces::new(geometry, &map, &halves, &sides, part);
+        let bright_surfaces: Vec<BrightSurfaces> = parts.filter_map(of_part).collect();
+        let cells =
+            if bright_surfaces.is_empty() { 0 } else { worker.bins.columns * worker.bins.rows * CELLS };
         let views = (0..cells).map(|_| OnceLock::new()).collect();
-        let facets: Vec<&[Facet]> = reflectors.iter().map(Reflectors::facets).collect();
-        let index = FacetIndex::new(geometry.triangles.len(), &facets);
+        let facets: Vec<&[BrightFacet]> = bright_surfaces.iter().map(BrightSurfaces::facets).collect();
+        let index = BrightFacetIndex::new(geometry.triangles.len(), &facets);
         // (Daylight stands first, if it has any.)
-        let first = reflectors.iter().take_while(|r| r.layers.end <= lights.sky_layers().end).count();
-        let of_many = if lights.groups.len() > ALL_UP_TO { first..reflectors.len() } else { 0..0 };
-        Cache { map, halves, reflectors, index, of_many, views }
+        let first = bright_surfaces.iter().take_while(|r| r.layers.end <= lights.sky_layers().end).count();
+        let of_many = if lights.groups.len() > FEW_GROUPS { first..bright_surfaces.len() } else { 0..0 };
+        Cache { map, halves, bright_surfaces, index, of_many, views }
     }
 
     /// Each view with the chance of a look: where groups are many, in proportion to the light that arrives
     /// beside the mean of their layers. Daylight is always looked at.
-    fn sights(&self, views: Vec<Option<View>>) -> Vec<Option<Sight>> {
+    fn cell_views(&self, views: Vec<Option<BrightSurfaceView>>) -> Vec<Option<CellView>> {
         let mut taken = vec![1.0; views.len()];
         let of_many = &mut taken[self.of_many.clone()];
-        let worth = |view: &Option<View>| view.as_ref().map_or(0.0, View::worth);
+        let worth = |view: &Option<BrightSurfaceView>| view.as_ref().map_or(0.0, BrightSurfaceView::worth);
         of_many.iter_mut().zip(&views[self.of_many.clone()]).for_each(|(chance, view)| *chance = worth(view));
-        chances(of_many, LOOKS);
-        let sight = |(view, chance): (Option<View>, f32)| Some(Sight { view: view?, chance });
-        views.into_iter().zip(taken).map(sight).collect()
+        chances(of_many, BRIGHT_GROUPS_PER_PATH);
+        let cell_view =
+            |(view, chance): (Option<BrightSurfaceView>, f32)| Some(CellView { view: view?, chance });
+        views.into_iter().zip(taken).map(cell_view).collect()
     }
 
     /// What a cell sees of the bright surfaces of each light group, and of daylight.
-    fn seen_from(&self, block: usize, cell: usize) -> &[Option<Sight>] {
+    fn visible_from(&self, block: usize, cell: usize) -> &[Option<CellView>] {
         self.views.get(block * CELLS + cell).and_then(OnceLock::get).map_or(&[], Vec::as_slice)
     }
 }
 
-/// Clusters of bright facets of all light groups together, where there are more than [`ALL_UP_TO`].
+/// Clusters of bright facets of all light groups together, where there are more than [`FEW_GROUPS`].
 const MANY_CLUSTERS: usize = 1024;
 
 /// Those that a group has at least.
 const LEAST_CLUSTERS: usize = 16;
 
 /// Light groups whose bright surfaces are looked at with each path, on average, where there are more than
-/// [`ALL_UP_TO`].
-const LOOKS: usize = 2;
+/// [`FEW_GROUPS`].
+const BRIGHT_GROUPS_PER_PATH: usize = 2;
 
 /// Of one group's look, whether it is taken: the random number for that.
-const LOOK: u32 = 0x6c6f_6f6b;
+const SELECTION: u32 = 0x6c6f_6f6b;
 
 /// An entry of the cache that a path ended at, to be read a few samples later: by then it has come from
 /// memory.
-pub struct Reading {
+pub struct PendingRead {
     entry: u32,
     /// Irradiance at the texel per unit of it there.
     weight: Rgb,
@@ -116,24 +118,24 @@ pub struct Reading {
 
 /// What is nearer to a texel than so many lengths of its own entries is not read: there light differs over an
 /// entry, and paths go on.
-const NEAR: f64 = 2.0;
+const NEAR_ENTRY_LENGTHS: f64 = 2.0;
 
 /// Samples between two rounds of reading. (Sums are taken in this order: it decides the bytes of every bake.)
 const READ_EVERY: u32 = 8;
 
 /// One half of the cache, as the paths of one texel read it.
-pub struct Reader<'a> {
+pub struct CacheReader<'a> {
     cache: &'a Cache<'a>,
     half: &'a CacheHalf,
     /// What the texel's cell sees of the bright surfaces.
-    seen: &'a [Option<Sight>],
-    readings: &'a mut Vec<Reading>,
+    visible: &'a [Option<CellView>],
+    pending: &'a mut Vec<PendingRead>,
 }
 
-impl Reader<'_> {
+impl CacheReader<'_> {
     /// Adds what was put down to the sums.
     fn read(&mut self, out: &mut [Rgb]) {
-        for Reading { entry, weight, layers } in self.readings.drain(..) {
+        for PendingRead { entry, weight, layers } in self.pending.drain(..) {
             self.half.add_layers(entry, weight, layers.clone(), &mut out[layers]);
         }
     }
@@ -151,21 +153,21 @@ impl Worker<'_> {
         target: u32,
         cache: Option<&Cache>,
     ) -> RayCounts {
-        let (layers, met) = (self.transport.lights.layers(), self.transport.lights.met());
+        let (layers, hit_lights) = (self.transport.lights.layers(), self.transport.lights.hit_lights());
         let covered: Vec<usize> = surface.covered().collect();
         let goal = |texel: usize| state.log2_shares.get(texel).map_or(target, |&share| shared(target, share));
         let goals: Vec<u32> = (0..covered.len()).map(goal).collect();
         let mut counts = self.views(block, surface, state, active, cache);
         // (No group that can be met: an empty slice for each texel.)
         let mut none: Vec<[Rgb; 0]> = vec![[]; covered.len()];
-        let met_of_texels: Vec<&mut [Rgb]> = match met {
+        let hit_sums_of_texels: Vec<&mut [Rgb]> = match hit_lights {
             0 => none.iter_mut().map(|none| &mut none[..]).collect(),
-            _ => state.met.chunks_mut(2 * met).collect(),
+            _ => state.hit_sums.chunks_mut(2 * hit_lights).collect(),
         };
         let texels = state
             .sums
             .par_chunks_mut((2 * layers).max(1))
-            .zip(met_of_texels)
+            .zip(hit_sums_of_texels)
             .zip(&mut state.taken)
             .zip(&mut state.drawn)
             .zip(&goals)
@@ -174,24 +176,24 @@ impl Worker<'_> {
             .with_min_len(64);
         let traced = texels.map_init(
             Vec::new,
-            |readings, ((((((sums, met_sums), taken), drawn), &goal), &probes), &texel)| {
+            |pending, ((((((sums, hit_sums), taken), drawn), &goal), &probes), &texel)| {
                 let mut counts = RayCounts::default();
                 let cell = cell_of(surface, texel);
                 if probes == 0 || !active[cell] || interrupted() {
                     return counts;
                 }
-                let seen = cache.map_or(&[][..], |c| c.seen_from(block, cell));
+                let visible = cache.map_or(&[][..], |c| c.visible_from(block, cell));
                 for half in 0..2 {
                     let sequence = self.sequence(surface, texel, Stream::Indirect, half);
                     let out = &mut sums[half * layers..(half + 1) * layers];
-                    let met = &mut met_sums[half * met..(half + 1) * met];
+                    let hit_light = &mut hit_sums[half * hit_lights..(half + 1) * hit_lights];
                     let mut reader =
-                        cache.map(|cache| Reader { cache, half: &cache.halves[half], seen, readings });
+                        cache.map(|cache| CacheReader { cache, half: &cache.halves[half], visible, pending });
                     for i in *drawn..goal {
                         let sample = sequence.sample(i);
                         if let Some(at) = self.receiver(surface, texel, sample, probes, &mut counts) {
                             taken[half] += 1;
-                            self.trace_path(&at, sample, reader.as_mut(), out, met, &mut counts);
+                            self.trace_path(&at, sample, reader.as_mut(), out, hit_light, &mut counts);
                         }
                         if let Some(reader) = &mut reader
                             && (i % READ_EVERY == READ_EVERY - 1 || i + 1 == goal)
@@ -209,64 +211,67 @@ impl Worker<'_> {
     }
 
     /// One path, ended where the cache knows the light, and a look at its bright surfaces. What is to be read
-    /// of the cache is put down, and added with `Reader::read`; what is met straight of emissive surfaces
-    /// goes to `met`.
+    /// of the cache is put down, and added with `CacheReader::read`; what is met straight of emissive
+    /// surfaces goes to `hit_light`.
     pub fn trace_path(
         &self,
         at: &Receiver,
         sample: Sample,
-        reader: Option<&mut Reader>,
+        reader: Option<&mut CacheReader>,
         out: &mut [Rgb],
-        met: &mut [Rgb],
+        hit_light: &mut [Rgb],
         counts: &mut RayCounts,
     ) {
-        let Some(Reader { cache, half, seen, readings }) = reader else {
-            return self.transport.indirect(at, sample, |_, _, _| false, out, Some(met), counts);
+        let Some(CacheReader { cache, half, visible, pending }) = reader else {
+            return self.transport.indirect(at, sample, |_, _, _| false, out, Some(hit_light), counts);
         };
         let (transport, map) = (&self.transport, &cache.map);
         let layers = out.len();
         let is_near = |hit: &Hit, is_back| {
-            f64::from(hit.t) < NEAR * map.length_on(transport.space.geometry, hit.triangle, is_back)
+            f64::from(hit.t)
+                < NEAR_ENTRY_LENGTHS * map.length_on(transport.space.geometry, hit.triangle, is_back)
         };
-        let land = |arrival: &Arrival, _: &mut [Rgb], counts: &mut RayCounts| {
+        let on_arrival = |arrival: &Arrival, _: &mut [Rgb], counts: &mut RayCounts| {
             let Arrival { hit, is_back, weight, .. } = arrival;
             if arrival.is_first && is_near(hit, *is_back) {
                 return false;
             }
             let Some(entry) = map.entry(&transport.space, hit, *is_back, counts) else { return false };
             half.prefetch(entry);
-            let mut put = |weight, layers: Range<usize>| readings.push(Reading { entry, weight, layers });
+            let mut put = |weight, layers: Range<usize>| pending.push(PendingRead { entry, weight, layers });
             // What a look at the bright surfaces finds too is shared between both.
             // (They stand in the order of their layers, which do not overlap.)
             let mut rest = 0;
-            let held = if arrival.is_first && !seen.is_empty() { cache.index.at(hit, *is_back) } else { &[] };
+            let held =
+                if arrival.is_first && !visible.is_empty() { cache.index.at(hit, *is_back) } else { &[] };
             for held in held {
-                let Some(Sight { view, chance }) = &seen[held.part as usize] else { continue };
-                let reflectors = &cache.reflectors[held.part as usize];
-                let density = chance * reflectors.density(view, held.facet as usize);
+                let Some(CellView { view, chance }) = &visible[held.part as usize] else { continue };
+                let bright_surfaces = &cache.bright_surfaces[held.part as usize];
+                let density = chance * bright_surfaces.density(view, held.facet as usize);
                 if density > 0.0 {
                     let from = transport.space.front(hit.triangle).dot(arrival.direction).abs();
                     let share = balance_heuristic(arrival.pdf, density * hit.t * hit.t / from);
-                    put(*weight, rest..reflectors.layers.start);
-                    put(*weight * share, reflectors.layers.clone());
-                    rest = reflectors.layers.end;
+                    put(*weight, rest..bright_surfaces.layers.start);
+                    put(*weight * share, bright_surfaces.layers.clone());
+                    rest = bright_surfaces.layers.end;
                 }
             }
             put(*weight, rest..layers);
             true
         };
-        transport.indirect(at, sample, land, out, Some(met), counts);
-        let mut comb = SystematicSampler::new(if seen.is_empty() { 0.0 } else { sample.number(LOOK) });
-        for (reflectors, sight) in cache.reflectors.iter().zip(*seen) {
-            if let Some(Sight { view, chance }) = sight
-                && comb.asks(*chance)
+        transport.indirect(at, sample, on_arrival, out, Some(hit_light), counts);
+        let mut sampler =
+            SystematicSampler::new(if visible.is_empty() { 0.0 } else { sample.number(SELECTION) });
+        for (bright_surfaces, cell_view) in cache.bright_surfaces.iter().zip(*visible) {
+            if let Some(CellView { view, chance }) = cell_view
+                && sampler.selects(*chance)
                 && let Some((hit, is_back, weight)) =
-                    reflectors.reflected(&transport.space, at, view, *chance, sample, counts)
+                    bright_surfaces.reflected(&transport.space, at, view, *chance, sample, counts)
                 && !is_near(&hit, is_back)
                 && let Some(entry) = map.entry(&transport.space, &hit, is_back, counts)
             {
                 half.prefetch(entry);
-                readings.push(Reading { entry, weight, layers: reflectors.layers.clone() });
+                pending.push(PendingRead { entry, weight, layers: bright_surfaces.layers.clone() });
             }
         }
     }
@@ -281,9 +286,11 @@ impl Worker<'_> {
         cache: Option<&Cache>,
     ) -> RayCounts {
         /// Points of a cell from which it is found out, where that many samples read it.
-        const PLACES: usize = 8;
-        let most = (self.certain as usize).min(PLACES);
-        let Some(cache) = cache.filter(|c| !c.reflectors.is_empty()) else { return RayCounts::default() };
+        const MOST_RECEIVERS: usize = 8;
+        let most = (self.guaranteed_samples as usize).min(MOST_RECEIVERS);
+        let Some(cache) = cache.filter(|c| !c.bright_surfaces.is_empty()) else {
+            return RayCounts::default();
+        };
         let mut texels = vec![Vec::new(); CELLS];
         for (texel, probes) in surface.covered().zip(&state.probes).filter(|(_, probes)| **probes != 0) {
             texels[cell_of(surface, texel)].push((texel, *probes));
@@ -297,13 +304,13 @@ impl Worker<'_> {
             let receivers: Vec<(Receiver, Sample)> = (0..most)
                 .filter_map(|k| {
                     let (texel, probes) = texels[(2 * k + 1) * texels.len() / (2 * most)];
-                    let sample = self.sequence(surface, texel, Stream::View, 0).sample(k as u32);
+                    let sample = self.sequence(surface, texel, Stream::BrightSurfaces, 0).sample(k as u32);
                     Some((self.receiver(surface, texel, sample, probes, &mut counts)?, sample))
                 })
                 .collect();
-            let view = |r: &Reflectors| r.view(&self.transport.space, &receivers, &mut counts);
-            let views = cache.reflectors.iter().map(view).collect();
-            let _ = known.set(cache.sights(views));
+            let view = |r: &BrightSurfaces| r.view(&self.transport.space, &receivers, &mut counts);
+            let views = cache.bright_surfaces.iter().map(view).collect();
+            let _ = known.set(cache.cell_views(views));
             counts
         };
         sum((0..CELLS).into_par_iter().map(look).collect::<Vec<_>>())

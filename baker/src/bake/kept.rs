@@ -3,12 +3,12 @@
 use super::layers::{Layers, Texel};
 use super::plan::Plan;
 use super::rounds::Traced;
-use super::target::Light;
+use super::target::StoredLight;
 use crate::Result;
 use std::collections::BTreeSet;
 
 /// The layers, ascending, that are not kept.
-pub fn missing(plan: &Plan, layers: &Layers, base: &str, digests: &[String]) -> Vec<usize> {
+pub fn not_kept(plan: &Plan, layers: &Layers, base: &str, digests: &[String]) -> Vec<usize> {
     let texels = layers.texels(base);
     let is_missing = |&layer: &usize| {
         let has = |texels: &Vec<Texel>| layers.has(&digests[layer], texels.len(), plan.parts_of(layer));
@@ -19,11 +19,11 @@ pub fn missing(plan: &Plan, layers: &Layers, base: &str, digests: &[String]) -> 
 
 /// The layers, ascending, of the frames that miss a target error, where those layers were traced until they
 /// met it: by other colours, intensities or schedules, or together with others. `light`: all layers.
-pub fn missing_target(plan: &Plan, light: &Light, target: f64) -> Result<Vec<usize>> {
+pub fn off_target(plan: &Plan, light: &StoredLight, target: f64) -> Result<Vec<usize>> {
     let mut found = BTreeSet::new();
     for time in 0..plan.times.len() {
         let of_time = plan.layers_of(time);
-        if !of_time.iter().all(|layer| found.contains(layer)) && light.is_missed(time, target)? {
+        if !of_time.iter().all(|layer| found.contains(layer)) && light.misses_target(time, target)? {
             found.extend(of_time);
         }
     }
@@ -31,6 +31,6 @@ pub fn missing_target(plan: &Plan, light: &Light, target: f64) -> Result<Vec<usi
 }
 
 /// Whether what was traced last met its target. (What could not be brought to it then would not be now.)
-pub fn is_met(traced: &Traced) -> bool {
+pub fn met_target(traced: &Traced) -> bool {
     !traced.out_of_time && traced.rounds.last().is_some_and(|round| !round.is_missed)
 }

@@ -21,9 +21,9 @@ pub struct Source {
 }
 
 impl Source {
-    /// The values at some of the texels, by their places among all; no others are read.
-    pub fn read_at(&self, places: &[usize]) -> Result<Vec<Value>> {
-        Ok(self.records::<Stored>(places)?.iter().map(Stored::value).collect())
+    /// The values at some of the texels, by their positions among all; no others are read.
+    pub fn read_at(&self, positions: &[usize]) -> Result<Vec<Value>> {
+        Ok(self.records::<Stored>(positions)?.iter().map(Stored::value).collect())
     }
 
     /// Opens a file of such records.
@@ -47,28 +47,28 @@ impl Source {
     }
 
     /// The records of texels that stand together.
-    pub fn run<T: Pod>(&self, places: Range<usize>) -> Result<Vec<T>> {
-        let mut records = vec![T::zeroed(); places.len()];
-        self.fill(places, &mut records)?;
+    pub fn run<T: Pod>(&self, positions: Range<usize>) -> Result<Vec<T>> {
+        let mut records = vec![T::zeroed(); positions.len()];
+        self.fill(positions, &mut records)?;
         Ok(records)
     }
 
     /// Reads records that stand together.
-    fn fill<T: Pod>(&self, places: Range<usize>, records: &mut [T]) -> Result<()> {
-        if places.end > self.texels {
-            let what = format!("holds {} texels, not number {}", self.texels, places.end - 1);
+    fn fill<T: Pod>(&self, positions: Range<usize>, records: &mut [T]) -> Result<()> {
+        if positions.end > self.texels {
+            let what = format!("holds {} texels, not number {}", self.texels, positions.end - 1);
             return Err(Error::invalid(self.path.display(), what));
         }
-        let at = (places.start * size_of::<T>()) as u64;
+        let at = (positions.start * size_of::<T>()) as u64;
         self.file.read_exact_at(bytemuck::cast_slice_mut(records), at).map_err(Error::io(&self.path))
     }
 
-    /// The records of some of the texels, by their places among all.
-    pub fn records<T: Pod>(&self, places: &[usize]) -> Result<Vec<T>> {
-        let mut records = vec![T::zeroed(); places.len()];
+    /// The records of some of the texels, by their positions among all.
+    pub fn records<T: Pod>(&self, positions: &[usize]) -> Result<Vec<T>> {
+        let mut records = vec![T::zeroed(); positions.len()];
         let mut done = 0;
         // (What stands together is read at once.)
-        for run in places.chunk_by(|a, b| *b == *a + 1) {
+        for run in positions.chunk_by(|a, b| *b == *a + 1) {
             self.fill(run[0]..run[run.len() - 1] + 1, &mut records[done..done + run.len()])?;
             done += run.len();
         }
@@ -126,10 +126,10 @@ fn hasher(path: &Path) -> blake3::Hasher {
     hash
 }
 
-/// What stands before the checksum of the file that is to be called `path`, and is at `place` now; `None`
-/// where it is damaged or missing.
-pub fn content(path: &Path, place: &Path) -> Option<Vec<u8>> {
-    let mut bytes = std::fs::read(place).ok()?;
+/// What stands before the checksum of the file that is to be called `path`, and is at `current_path` now;
+/// `None` where it is damaged or missing.
+pub fn content(path: &Path, current_path: &Path) -> Option<Vec<u8>> {
+    let mut bytes = std::fs::read(current_path).ok()?;
     let (content, checksum) = bytes.split_last_chunk::<CHECKSUM>()?;
     let is_whole = hasher(path).update(content).finalize() == *checksum;
     bytes.truncate(bytes.len() - CHECKSUM);

@@ -12,7 +12,7 @@
 use super::json;
 use super::layer_file::{CHECKSUM, Partial, Source, content, file_name};
 use super::rounds::Traced;
-use super::tracer::{Tracer, Way};
+use super::tracer::{BlockHistory, Tracer};
 use super::value::{Filtered, Stored, Value};
 use crate::trace::counts::RayCounts;
 use crate::{Error, Result, Rgb};
@@ -42,7 +42,7 @@ pub struct Texel {
     /// Its index on the page, row by row.
     pub index: u32,
     /// 1 where enough of its probed points are its surface, else 0.
-    pub exposed: u16,
+    pub usable: u16,
     /// The probed points that are its surface, a bit each.
     pub probes: u16,
 }
@@ -84,7 +84,7 @@ impl Layers {
 
     /// Takes over what a filter left of provisional layers, and discards the rest. (What cannot be
     /// taken over is filtered again.)
-    pub fn adopt(&self, provisional: &Layers) {
+    pub fn take_filtered_from(&self, provisional: &Layers) {
         for entry in std::fs::read_dir(&provisional.root).into_iter().flatten().flatten() {
             if entry.path().extension().is_some_and(|extension| extension == "filtered") {
                 let _ = std::fs::rename(entry.path(), self.root.join(entry.file_name()));
@@ -131,17 +131,17 @@ impl Layers {
 
     /// Whether a layer is there, whatever its texels.
     pub fn holds(&self, digest: &str) -> bool {
-        self.changes().place(&self.path(digest, Part::Rest)).exists()
+        self.changes().current_path(&self.path(digest, Part::Rest)).exists()
     }
 
     /// Whether a layer of these parts is there, whole, for `texels` texels.
     pub fn has(&self, digest: &str, texels: usize, parts: &[Part]) -> bool {
         let is_whole = |&part: &Part| {
             let (path, length) = (self.path(digest, part), texels * size_of::<Stored>() + CHECKSUM);
-            let place = self.changes().place(&path);
+            let current_path = self.changes().current_path(&path);
             // (The length first: a layer of other texels need not be read.)
-            let is_as_long = std::fs::metadata(&place).is_ok_and(|m| m.len() == length as u64);
-            is_as_long && content(&path, &place).is_some()
+            let is_as_long = std::fs::metadata(&current_path).is_ok_and(|m| m.len() == length as u64);
+            is_as_long && content(&path, &current_path).is_some()
         };
         parts.iter().all(is_whole)
     }
@@ -149,7 +149,7 @@ impl Layers {
     /// The covered texels of the page that `base` describes, if a bake left them.
     pub fn texels(&self, base: &str) -> Option<Vec<Texel>> {
         let path = self.texels_path(base);
-        let bytes = content(&path, &self.changes().place(&path))?;
+        let bytes = content(&path, &self.changes().current_path(&path))?;
         bytes.len().is_multiple_of(size_of::<Texel>()).then(|| bytemuck::pod_collect_to_vec(&bytes))
     }
 
@@ -164,14 +164,14 @@ impl Layers {
     }
 
     /// A part of a layer as traced, to be read bit by bit.
-    pub fn reader(&self, digest: &str, part: Part) -> Result<Reader> {
-        Ok(Reader { traced: Source::open::<Stored>(self.path(digest, part))?, filtered: None })
+    pub fn reader(&self, digest: &str, part: Part) -> Result<LayerReader> {
+        Ok(LayerReader { traced: Source::open::<Stored>(self.path(digest, part))?, filtered: None })
     }
 
     /// A layer after a filter, likewise.
-    pub fn reader_of_filtered(&self, layer: &FilteredLayer) -> Result<Reader> {
+    pub fn reader_of_filtered(&self, layer: &FilteredLayer) -> Result<LayerReader> {
         let filtered = Some(Source::open::<Filtered>(self.filtered_path(&layer.name))?);
-        Ok(Reader { traced: self.open(layer)?, filtered })
+        Ok(LayerReader { traced: self.open(layer)?, filtered })
     }
 
     /// A part of a layer as traced, in the order of the texels.
@@ -188,16 +188,16 @@ impl Layers {
         Ok(values)
     }
 
-    /// A part of a layer as traced at some of the texels, by their places among all; no others are read.
-    pub fn read_at(&self, digest: &str, part: Part, places: &[usize]) -> Result<Vec<Value>> {
-        Source::open::<Stored>(self.path(digest, part))?.read_at(places)
+    /// A part of a layer as traced at some of the texels, by their positions among all; no others are read.
+    pub fn read_at(&self, digest: &str, part: Part, positions: &[usize]) -> Result<Vec<Value>> {
+        Source::open::<Stored>(self.path(digest, part))?.read_at(positions)
     }
 
     /// A layer after a filter at some of the texels.
-    pub fn read_filtered_at(&self, layer: &FilteredLayer, places: &[usize]) -> Result<Vec<Value>> {
-        let mut values = self.read_at(&layer.digest, Part::Rest, places)?;
+    pub fn read_filtered_at(&self, layer: &FilteredLayer, positions: &[usize]) -> Result<Vec<Value>> {
+        let mut values = self.read_at(&layer.digest, Part::Rest, positions)?;
         let filtered = Source::open::<Filtered>(self.filtered_path(&layer.name))?;
-        let filtered = filtered.records::<Filtered>(places)?;
+        let filtered = filtered.records::<Filtered>(positions)?;
         values.iter_mut().zip(filtered).for_each(|(value, filtered)| *value = filtered.value(value));
         Ok(values)
     }
@@ -247,7 +247,7 @@ impl Layers {
     pub fn write(
         &self,
         tracer: &Tracer,
-        way: &Way,
+        history: &BlockHistory,
         base: &str,
         digests: &[String],
         traced: &Traced,
@@ -272,12 +272,12 @@ impl Layers {
         for block in blocks {
             let surface = worker.surface(block);
             let covered: Vec<usize> = surface.covered().collect();
-            let state = tracer.block_state(block, &surface, way, &mut rays)?;
+            let state = tracer.block_state(block, &surface, history, &mut rays)?;
             let mut stored: Vec<Vec<Stored>> = vec![Vec::with_capacity(covered.len()); parts.len()];
             for (i, &texel) in covered.iter().enumerate() {
                 let index = surface.page_index(worker.atlas, texel) as u32;
-                let (exposed, probes) = (u16::from(state.is_exposed(i)), state.probes[i]);
-                texels.push(Texel { index, exposed, probes });
+                let (usable, probes) = (u16::from(state.is_usable(i)), state.probes[i]);
+                texels.push(Texel { index, usable, probes });
                 for half in 0..2 {
                     state.indirect(i, half, lights, &mut rest[half]);
                     direct[half].fill(Rgb::ZERO);
@@ -293,7 +293,7 @@ impl Layers {
             }
             progress.advance(1);
         }
-        way.tell(console);
+        history.report_retraced(console);
         let whole = |path: PathBuf, bytes: &[u8]| {
             let mut file = Partial::create(path)?;
             file.write(bytes)?;
@@ -309,7 +309,7 @@ impl Layers {
 
     /// Forgets some layers, all at once: a bake that is to trace them again, and is killed, finds them
     /// missing and goes on.
-    pub fn forget<'a>(&self, digests: impl Iterator<Item = &'a String>) -> Result<()> {
+    pub fn remove<'a>(&self, digests: impl Iterator<Item = &'a String>) -> Result<()> {
         let names =
             |digest: &String| [Part::Direct, Part::Rest].map(|part| file_name(&self.path(digest, part)));
         let remove = digests.flat_map(names).collect();
@@ -326,11 +326,11 @@ impl Layers {
     /// rest.
     fn change(&self, changes: &Changes) -> Result<()> {
         dataset::files::write_atomically(&self.root.join(CHANGES), &json::bytes(changes, CHANGES)?)?;
-        self.settle()
+        self.finish_changes()
     }
 
     /// Makes what is left of the changes that a killed run began.
-    pub fn settle(&self) -> Result<()> {
+    pub fn finish_changes(&self) -> Result<()> {
         let journal = self.root.join(CHANGES);
         if !journal.exists() {
             return Ok(());
@@ -387,20 +387,21 @@ impl Layers {
 }
 
 /// A part of a layer that is read bit by bit.
-pub struct Reader {
+pub struct LayerReader {
     traced: Source,
     /// What a filter made of it.
     filtered: Option<Source>,
 }
 
-impl Reader {
-    /// Reads some texels, by their places among all: `value` is given each, counted from the first of them.
-    pub fn read(&self, places: Range<usize>, mut value: impl FnMut(usize, Value)) -> Result<()> {
-        let traced = self.traced.run::<Stored>(places.clone())?;
+impl LayerReader {
+    /// Reads some texels, by their positions among all: `value` is given each, counted from the first of
+    /// them.
+    pub fn read(&self, positions: Range<usize>, mut value: impl FnMut(usize, Value)) -> Result<()> {
+        let traced = self.traced.run::<Stored>(positions.clone())?;
         match &self.filtered {
             None => traced.iter().enumerate().for_each(|(i, stored)| value(i, stored.value())),
             Some(filtered) => {
-                let filtered = filtered.run::<Filtered>(places)?;
+                let filtered = filtered.run::<Filtered>(positions)?;
                 let both = filtered.iter().zip(&traced).enumerate();
                 both.for_each(|(i, (filtered, stored))| value(i, filtered.value(&stored.value())));
             }
@@ -433,7 +434,7 @@ struct Changes {
 
 impl Changes {
     /// Where the content is that `path` has after the changes.
-    fn place(&self, path: &Path) -> PathBuf {
+    fn current_path(&self, path: &Path) -> PathBuf {
         let name = file_name(path);
         if self.remove.contains(&name) {
             return path.with_extension("removed");
@@ -466,8 +467,11 @@ mod tests {
             std::fs::rename(layers.root.join(temporary), layers.root.join(name)).unwrap();
         };
         write();
-        let (all, places) = (layers.read(digest, Part::Rest).unwrap(), [99, 0, 17, 17]);
-        assert_eq!(layers.read_at(digest, Part::Rest, &places).unwrap(), places.map(|place| all[place]));
+        let (all, positions) = (layers.read(digest, Part::Rest).unwrap(), [99, 0, 17, 17]);
+        assert_eq!(
+            layers.read_at(digest, Part::Rest, &positions).unwrap(),
+            positions.map(|position| all[position])
+        );
         let error = layers.read_at(digest, Part::Rest, &[100]).unwrap_err().to_string();
         assert!(error.contains(layers.path(digest, Part::Rest).to_str().unwrap()), "{error}");
         // A layer of two parts is there with both of them.
@@ -515,10 +519,10 @@ mod tests {
         assert!(
             layers.path(&digests[2], Part::Rest).exists() && !layers.path(&digests[1], Part::Rest).exists()
         );
-        layers.settle().unwrap();
+        layers.finish_changes().unwrap();
         assert_eq!(held(), after);
         assert_eq!(std::fs::read_dir(&layers.root).unwrap().count(), 2);
-        layers.forget(digests[..1].iter()).unwrap();
+        layers.remove(digests[..1].iter()).unwrap();
         assert_eq!(held(), [false, true, false]);
     }
 }

@@ -4,9 +4,11 @@
 
 use super::charts::Charts;
 use super::prepare::Prepared;
+use super::solve;
 use crate::Result;
-use crate::atlas::{Atlas, LARGEST};
+use crate::atlas::{Atlas, LARGEST_SIDE};
 use crate::scene::{Lightmap, LightmapSize};
+use crate::trace::cache::CacheMap;
 use crate::trace::counts::RayCounts;
 
 /// Longest side of a page in texels that is laid out as it will be.
@@ -19,7 +21,7 @@ pub struct LayoutEstimate {
     pub atlas: Atlas,
     /// Texels of a bake along the side of one of the layout's: a power of two, 1 where it is the very layout
     /// of a bake.
-    pub finer: u32,
+    pub texel_scale: u32,
     /// Rays that it took.
     pub rays: RayCounts,
     /// Width and height of a page of a bake in texels.
@@ -29,7 +31,7 @@ pub struct LayoutEstimate {
 impl LayoutEstimate {
     /// The layout of a bake itself.
     pub fn exact(atlas: Atlas, rays: RayCounts) -> Self {
-        LayoutEstimate { finer: 1, rays, size: [atlas.width, atlas.page_height], atlas }
+        LayoutEstimate { texel_scale: 1, rays, size: [atlas.width, atlas.page_height], atlas }
     }
 
     /// For a plan: pages whose sides are longer than `LONGEST` are laid out at a half, a quarter … of them.
@@ -38,15 +40,17 @@ impl LayoutEstimate {
     /// As [`Prepared::atlas_from`].
     pub fn of(prepared: &Prepared, charts: &Charts) -> Result<Self> {
         let lightmap = &prepared.scene.lightmap;
-        let finer = finer(expected_side(prepared, lightmap));
-        if finer > 1 {
-            let (atlas, rays) = prepared.atlas_of(&coarser(lightmap, finer), charts)?;
+        let texel_scale = texel_scale(expected_side(prepared, lightmap));
+        if texel_scale > 1 {
+            let (atlas, rays) = prepared.atlas_of(&coarser(lightmap, texel_scale), charts)?;
             let size = match lightmap.size {
                 LightmapSize::Fixed { width, height } => [width, height],
-                LightmapSize::TexelsPerMetre(_) => [atlas.width, atlas.page_height].map(|side| side * finer),
+                LightmapSize::TexelsPerMetre(_) => {
+                    [atlas.width, atlas.page_height].map(|side| side * texel_scale)
+                }
             };
-            if size.iter().all(|&side| side <= LARGEST) {
-                return Ok(LayoutEstimate { atlas, finer, rays, size });
+            if size.iter().all(|&side| side <= LARGEST_SIDE) {
+                return Ok(LayoutEstimate { atlas, texel_scale, rays, size });
             }
         }
         // (What does not fit is refused as a bake would refuse it.)
@@ -56,7 +60,7 @@ impl LayoutEstimate {
 
     /// Texels that surface touches.
     pub fn texels(&self) -> usize {
-        self.atlas.texels() * (self.finer * self.finer) as usize
+        self.atlas.texels() * (self.texel_scale * self.texel_scale) as usize
     }
 
     /// Texels of all pages together.
@@ -66,23 +70,35 @@ impl LayoutEstimate {
 
     /// Texels of the virtual page.
     pub fn virtual_texels(&self) -> u64 {
-        u64::from(self.atlas.width) * u64::from(self.atlas.height) * u64::from(self.finer).pow(2)
+        u64::from(self.atlas.width) * u64::from(self.atlas.height) * u64::from(self.texel_scale).pow(2)
     }
 
     /// Texels per metre at density 1.
     pub fn texels_per_metre(&self) -> f64 {
-        self.atlas.texels_per_metre * f64::from(self.finer)
+        self.atlas.texels_per_metre * f64::from(self.texel_scale)
     }
 
     /// In words, that it is an estimate.
     pub fn in_words(&self) -> Option<String> {
-        let finer = self.finer;
-        (finer > 1).then(|| {
+        let texel_scale = self.texel_scale;
+        (texel_scale > 1).then(|| {
             format!(
-                "estimated from a layout with texels {finer} times as wide; what the layout itself may warn of is told by the bake"
+                "estimated from a layout with texels {texel_scale} times as wide; what the layout itself may warn of is told by the bake"
             )
         })
     }
+}
+
+/// Entries of the cache of a bake with this layout.
+pub(super) fn cache_entries(prepared: &Prepared, layout: &LayoutEstimate) -> usize {
+    let shift = solve::shift(layout.texels(), prepared.plan.layers());
+    let halvings = layout.texel_scale.ilog2();
+    // Squares smaller than a texel of the layout are so many times as many as its texels.
+    let (coarse, smaller) = (shift.saturating_sub(halvings), halvings.saturating_sub(shift));
+    let most = solve::most_entries(prepared.plan.layers());
+    let atlas = &layout.atlas;
+    let map = CacheMap::new(atlas, &prepared.geometry, (coarse, most), atlas.touched());
+    ((map.squares() << (2 * smaller)) + map.patches()).min(most.max(map.squares() << (2 * smaller)))
 }
 
 /// The longest side of a page, as far as it is known before anything is laid out.
@@ -102,7 +118,7 @@ fn expected_side(prepared: &Prepared, lightmap: &Lightmap) -> f64 {
 }
 
 /// By what power of two a page's side is divided.
-fn finer(side: f64) -> u32 {
+fn texel_scale(side: f64) -> u32 {
     let halvings = (side / f64::from(LONGEST)).log2().ceil().clamp(0.0, 5.0);
     1 << halvings as u32
 }
@@ -124,7 +140,10 @@ mod tests {
 
     #[test]
     fn pages_are_halved_until_they_are_laid_out_soon() {
-        assert_eq!([0.5, 512.0, 2048.0, 2049.0, 4096.0, 16384.0, 1e9].map(finer), [1, 1, 1, 2, 2, 8, 32]);
+        assert_eq!(
+            [0.5, 512.0, 2048.0, 2049.0, 4096.0, 16384.0, 1e9].map(texel_scale),
+            [1, 1, 1, 2, 2, 8, 32]
+        );
         let size = LightmapSize::Fixed { width: 16384, height: 5000 };
         let coarse = coarser(&Lightmap { size, padding: 16, ..Lightmap::default() }, 8);
         assert!(matches!(coarse.size, LightmapSize::Fixed { width: 2048, height: 625 }));

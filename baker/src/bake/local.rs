@@ -3,8 +3,8 @@
 //! Relative to the page's mean, a dark room beside a sunny field has no error at all, however it looks. Here
 //! every texel's error is taken relative to the mean light of its *piece*, the texels of its cell that belong
 //! to its chart, and a cell's error is the root mean square of those. What is too dark to be seen is not
-//! asked for more: nothing is judged as if it were darker than [`VISIBLE`] of what is seen from there, nor
-//! than [`LEAST`].
+//! asked for more: nothing is judged as if it were darker than [`VISIBLE_PART`] of what is seen from there,
+//! nor than [`LEAST_IRRADIANCE`].
 
 use super::block::{Stream, Worker};
 use super::errors::{Parts, Sums, cell_of};
@@ -17,7 +17,7 @@ use crate::surface::{BLOCK, BlockSurface};
 use crate::trace::counts::RayCounts;
 use crate::trace::lights::Lights;
 use crate::trace::path::point_pair;
-use crate::trace::sampler::{Kind, Sequence};
+use crate::trace::sampler::{Sequence, SequenceKind};
 use dataset::console::stop_if_interrupted;
 use dataset::image::encode_png;
 use dataset::observe::Observer;
@@ -27,25 +27,25 @@ use std::collections::BTreeMap;
 
 /// Of the light that an eye at a place is adapted to: what is darker is judged as if it were as bright as
 /// this. There, 5 % are about one step of an 8-bit sRGB picture that shows the light around as white.
-pub const VISIBLE: f64 = 1.0 / 30.0;
+pub const VISIBLE_PART: f64 = 1.0 / 30.0;
 /// Irradiance in klx that is judged as if nothing were darker: a tenth of a millilux, by which no eye sees
 /// edges.
-pub const LEAST: f64 = 1e-7;
+pub const LEAST_IRRADIANCE: f64 = 1e-7;
 /// The errors above which cells are counted.
-pub const OVER: [f64; 3] = [0.05, 0.1, 0.2];
+pub const COUNTED_ERRORS: [f64; 3] = [0.05, 0.1, 0.2];
 /// A step of grey in a picture of errors.
 pub const PICTURE_STEP: f64 = 0.002;
 /// Rays that look around from a cell.
-const LOOKS: usize = 16;
+const RAYS_PER_CELL: usize = 16;
 /// No cell.
-const NONE: u32 = u32::MAX;
+const NO_CELL: u32 = u32::MAX;
 
 /// Where the cells of a page are: their charts, and which other cells are seen from each.
-pub struct Places {
+pub struct CellMap {
     grid: Grid,
     owners: Owners,
     /// Per cell.
-    seen: Vec<[u32; LOOKS]>,
+    seen: Vec<[u32; RAYS_PER_CELL]>,
 }
 
 /// The cells of a page, row by row; blocks at its edges are whole.
@@ -84,7 +84,7 @@ impl Grid {
             return vec![0.0; cells.len()];
         }
         let around =
-            |place: usize, count: usize| place.saturating_sub(AROUND)..(place + AROUND + 1).min(count);
+            |centre: usize, count: usize| centre.saturating_sub(AROUND)..(centre + AROUND + 1).min(count);
         let bias = |cell: usize| {
             let (mut bias, mut noise) = (0.0, 0.0);
             for row in around(cell / self.columns, self.rows) {
@@ -144,9 +144,9 @@ impl Pieces {
     }
 
     /// Of texels of a page of this width, by their indices.
-    pub fn of_texels(places: &Places, width: usize, texels: impl Iterator<Item = usize>) -> Self {
-        let place = |index: usize| (index % width, index / width);
-        Pieces::new(texels.map(place).map(|(x, y)| (places.grid.at(x, y), places.chart_of(x, y))))
+    pub fn of_texels(cell_map: &CellMap, width: usize, texels: impl Iterator<Item = usize>) -> Self {
+        let xy = |index: usize| (index % width, index / width);
+        Pieces::new(texels.map(xy).map(|(x, y)| (cell_map.grid.at(x, y), cell_map.chart_of(x, y))))
     }
 
     /// Adds the texels to the sums of their cells.
@@ -187,18 +187,18 @@ impl Pieces {
 
 /// What the local errors of many cells sum up to: each cell counts by its texels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Local {
+pub struct LocalErrorSummary {
     /// Half of the texels lie in cells with less.
     pub median: f64,
     /// 95 % of the texels lie in cells with no more.
     pub p95: f64,
     /// The greatest.
     pub worst: f64,
-    /// Shares of the texels in cells with more than [`OVER`].
+    /// Shares of the texels in cells with more than [`COUNTED_ERRORS`].
     pub over: [f64; 3],
 }
 
-impl Local {
+impl LocalErrorSummary {
     /// Of errors with their weights; `None` of none.
     pub fn of(errors: impl Iterator<Item = (f64, u64)>) -> Option<Self> {
         let mut errors: Vec<(f64, u64)> = errors.filter(|(_, weight)| *weight > 0).collect();
@@ -212,20 +212,20 @@ impl Local {
             };
             errors.iter().find(reached).map_or(0.0, |(error, _)| *error)
         };
-        let over = OVER.map(|least| {
+        let over = COUNTED_ERRORS.map(|least| {
             let above = errors.iter().filter(|(error, _)| *error > least);
             above.map(|(_, weight)| weight).sum::<u64>() as f64 / all as f64
         });
-        Some(Local { median: at(0.5), p95: at(0.95), worst: errors.last()?.0, over })
+        Some(LocalErrorSummary { median: at(0.5), p95: at(0.95), worst: errors.last()?.0, over })
     }
 }
 
-impl Places {
+impl CellMap {
     /// Looks around from the middle of every cell.
     pub fn find(worker: &Worker, console: &dyn Observer) -> crate::Result<(Self, RayCounts)> {
         let atlas = worker.atlas;
-        let mut places = Places::without_looks(atlas);
-        let mut face_of = vec![NONE; worker.transport.space.geometry.triangles.len()];
+        let mut cell_map = CellMap::seeing_nothing(atlas);
+        let mut face_of = vec![NO_CELL; worker.transport.space.geometry.triangles.len()];
         for (i, face) in atlas.faces.iter().enumerate() {
             face_of[face.triangle as usize] = i as u32;
         }
@@ -236,11 +236,12 @@ impl Places {
             let surface = worker.surface(block);
             let mut texels = vec![Vec::new(); CELLS];
             surface.covered().for_each(|t| texels[cell_of(&surface, t)].push(t));
-            let (mut seen, mut rays) = ([[NONE; LOOKS]; CELLS], RayCounts::default());
+            let (mut seen, mut rays) = ([[NO_CELL; RAYS_PER_CELL]; CELLS], RayCounts::default());
             for (cell, texels) in texels.iter().enumerate().filter(|(_, texels)| !texels.is_empty()) {
-                for (look, seen) in seen[cell].iter_mut().enumerate() {
-                    let texel = texels[look * texels.len() / LOOKS];
-                    *seen = places.look(worker, &face_of, &surface, texel, &mut rays).unwrap_or(NONE);
+                for (seen_cell, seen) in seen[cell].iter_mut().enumerate() {
+                    let texel = texels[seen_cell * texels.len() / RAYS_PER_CELL];
+                    *seen =
+                        cell_map.seen_cell(worker, &face_of, &surface, texel, &mut rays).unwrap_or(NO_CELL);
                 }
             }
             progress.advance(1);
@@ -251,30 +252,31 @@ impl Places {
         for (x0, y0, seen, of_block) in found {
             seen.iter()
                 .enumerate()
-                .for_each(|(c, seen)| places.seen[places.grid.of_block(x0, y0, c)] = *seen);
+                .for_each(|(c, seen)| cell_map.seen[cell_map.grid.of_block(x0, y0, c)] = *seen);
             rays += of_block;
         }
-        Ok((places, rays))
+        Ok((cell_map, rays))
     }
 
     /// Cells that see nothing: each is judged by its own light.
-    pub fn without_looks(atlas: &Atlas) -> Self {
+    pub fn seeing_nothing(atlas: &Atlas) -> Self {
         let grid = Grid::new(atlas.width as usize, atlas.height as usize);
-        Places { grid, owners: Owners::new(atlas), seen: vec![[NONE; LOOKS]; grid.cells()] }
+        CellMap { grid, owners: Owners::new(atlas), seen: vec![[NO_CELL; RAYS_PER_CELL]; grid.cells()] }
     }
 
     /// Cells of a page without charts, each of which sees those that `seen` says.
     #[cfg(test)]
     pub fn for_tests(width: usize, height: usize, seen: impl Fn(usize) -> Option<u32>) -> Self {
-        let mut places = Places::without_looks(&Atlas::for_tests(width as u32, height as u32, Vec::new()));
-        for (cell, all) in places.seen.iter_mut().enumerate() {
-            *all = [seen(cell).unwrap_or(NONE); LOOKS];
+        let mut cell_map =
+            CellMap::seeing_nothing(&Atlas::for_tests(width as u32, height as u32, Vec::new()));
+        for (cell, all) in cell_map.seen.iter_mut().enumerate() {
+            *all = [seen(cell).unwrap_or(NO_CELL); RAYS_PER_CELL];
         }
-        places
+        cell_map
     }
 
     /// The cell that a ray from a texel meets.
-    fn look(
+    fn seen_cell(
         &self,
         worker: &Worker,
         face_of: &[u32],
@@ -284,16 +286,16 @@ impl Places {
     ) -> Option<u32> {
         // (Whatever the seed of the bake: what is judged does not hang on it.)
         let index = surface.page_index(worker.atlas, texel) as u32;
-        let sample = Sequence::new(0, Kind::Texel, index, Stream::Look as u32).sample(0);
+        let sample = Sequence::new(0, SequenceKind::Texel, index, Stream::VisibleCells as u32).sample(0);
         let space = &worker.transport.space;
         let at = space.receiver(&surface.sample(worker.atlas, texel, point_pair(sample)))?;
         rays.inside += 1;
-        let hit = worker.transport.look(&at, sample)?;
+        let hit = worker.transport.visible_hit(&at, sample)?;
         let face = worker.atlas.faces.get(face_of[hit.triangle as usize] as usize)?;
         let [a, b, c] = face.corners;
         let at = a * hit.barycentric.x + b * hit.barycentric.y + c * hit.barycentric.z;
-        let place = |v: f32, size: u32| (v.max(0.0) as usize).min(size as usize - 1);
-        Some(self.grid.at(place(at.x, worker.atlas.width), place(at.y, worker.atlas.height)) as u32)
+        let clamped = |v: f32, size: u32| (v.max(0.0) as usize).min(size as usize - 1);
+        Some(self.grid.at(clamped(at.x, worker.atlas.width), clamped(at.y, worker.atlas.height)) as u32)
     }
 
     /// The grid of the cells.
@@ -309,15 +311,15 @@ impl Places {
     /// Per cell of a frame, the light below which nothing is judged: by the median of its own light and that
     /// of the cells seen from it.
     pub fn floors(&self, cells: &[Sums]) -> Vec<f64> {
-        let floor = |place: usize| {
-            let looks = self.seen[place].iter().filter(|seen| **seen != NONE).map(|seen| *seen as usize);
+        let floor = |own: usize| {
+            let looks = self.seen[own].iter().filter(|seen| **seen != NO_CELL).map(|seen| *seen as usize);
             let lit =
-                std::iter::once(place).chain(looks).map(|cell| &cells[cell]).filter(|sums| sums.values > 0);
+                std::iter::once(own).chain(looks).map(|cell| &cells[cell]).filter(|sums| sums.values > 0);
             let mut lights: Vec<f64> = lit.map(Sums::mean).collect();
             lights.sort_by(f64::total_cmp);
             // Of two in the middle the lesser: it asks for more.
             let adapted = lights.get(lights.len().saturating_sub(1) / 2).copied().unwrap_or(0.0);
-            (VISIBLE * adapted).max(LEAST)
+            (VISIBLE_PART * adapted).max(LEAST_IRRADIANCE)
         };
         (0..cells.len()).map(floor).collect()
     }
@@ -329,9 +331,10 @@ impl Places {
     }
 
     /// The errors of a frame, and what they sum up to.
-    pub fn judge(&self, cells: &[Sums]) -> (Vec<f64>, Option<Local>) {
+    pub fn judge(&self, cells: &[Sums]) -> (Vec<f64>, Option<LocalErrorSummary>) {
         let errors = self.errors(cells);
-        let local = Local::of(errors.iter().zip(cells).map(|(error, sums)| (*error, sums.values / 3)));
+        let local =
+            LocalErrorSummary::of(errors.iter().zip(cells).map(|(error, sums)| (*error, sums.values / 3)));
         (errors, local)
     }
 }
@@ -347,21 +350,21 @@ pub fn error(sums: &Sums, floor: f64, bias: f64) -> f64 {
     (by_light + bias).sqrt().min((by_floor + bias * sums.mean() * sums.mean()).sqrt() / floor)
 }
 
-/// Per frame, the sums of each cell of a block. A texel counts where it is exposed and some layer reaches it.
+/// Per frame, the sums of each cell of a block. A texel counts where it is usable and some layer reaches it.
 pub fn of_block(
     frames: &[Parts],
     lights: &Lights,
     surface: &BlockSurface,
     state: &BlockState,
-    places: &Places,
+    cell_map: &CellMap,
 ) -> Vec<[Sums; CELLS]> {
     let layers = lights.layers();
     let (mut a, mut b) = (vec![Rgb::ZERO; layers], vec![Rgb::ZERO; layers]);
     // Of the texels that count: where they are, and per frame their light and its standard error.
     let mut counted = Vec::new();
     let mut light: Vec<Vec<Value>> = vec![Vec::new(); frames.len()];
-    for (texel, place) in surface.covered().enumerate() {
-        if !state.is_exposed(texel) {
+    for (texel, in_block) in surface.covered().enumerate() {
+        if !state.is_usable(texel) {
             continue;
         }
         state.means(texel, 0, lights, &mut a);
@@ -369,8 +372,8 @@ pub fn of_block(
         if a.iter().chain(&b).all(|v| *v == Rgb::ZERO) {
             continue;
         }
-        let (x, y) = (surface.x0 + place % surface.width, surface.y0 + place / surface.width);
-        counted.push((cell_of(surface, place), places.chart_of(x, y)));
+        let (x, y) = (surface.x0 + in_block % surface.width, surface.y0 + in_block / surface.width);
+        counted.push((cell_of(surface, in_block), cell_map.chart_of(x, y)));
         for (parts, light) in frames.iter().zip(&mut light) {
             let sum = |half: &[Rgb]| parts.iter().map(|&(l, scale)| half[l] * scale).sum::<Rgb>();
             let (a, b) = (sum(&a), sum(&b));
@@ -435,22 +438,25 @@ mod tests {
 
     #[test]
     fn cells_count_by_their_texels() {
-        let local = Local::of([(0.5, 4), (0.01, 90), (0.07, 6), (9.0, 0)].into_iter());
-        assert_eq!(local, Some(Local { median: 0.01, p95: 0.07, worst: 0.5, over: [0.1, 0.04, 0.04] }));
-        assert_eq!(Local::of([(1.0, 0)].into_iter()), None);
+        let local = LocalErrorSummary::of([(0.5, 4), (0.01, 90), (0.07, 6), (9.0, 0)].into_iter());
+        assert_eq!(
+            local,
+            Some(LocalErrorSummary { median: 0.01, p95: 0.07, worst: 0.5, over: [0.1, 0.04, 0.04] })
+        );
+        assert_eq!(LocalErrorSummary::of([(1.0, 0)].into_iter()), None);
     }
 
     #[test]
     fn the_dark_of_nights_without_light_is_no_error() {
-        let places = Places::for_tests(BLOCK, BLOCK, |_| None);
-        let cells = vec![Sums::default(); places.grid().cells()];
-        assert_eq!(places.judge(&cells).1, None);
+        let cell_map = CellMap::for_tests(BLOCK, BLOCK, |_| None);
+        let cells = vec![Sums::default(); cell_map.grid().cells()];
+        assert_eq!(cell_map.judge(&cells).1, None);
         let mut cells = cells;
         cells[3].add_texel(&Value::traced(Rgb::splat(1e-12), Rgb::splat(1e-12)));
         cells[3].local = 3.0;
-        let (errors, local) = places.judge(&cells);
+        let (errors, local) = cell_map.judge(&cells);
         assert!((errors[3] - 1e-5).abs() < 1e-9 && local.is_some_and(|local| local.worst == errors[3]));
-        let picture = places.grid().picture(Some(&errors));
+        let picture = cell_map.grid().picture(Some(&errors));
         assert!(picture.starts_with(b"\x89PNG"));
     }
 }

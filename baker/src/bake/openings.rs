@@ -2,8 +2,8 @@
 
 use crate::geometry::{Bounds, Geometry};
 use crate::scene::Portal;
-use crate::trace::lens::NOWHERE;
-use crate::trace::rays::{Rays, offset_point};
+use crate::trace::lens::NO_TRIANGLE;
+use crate::trace::ray_tracer::{RayTracer, offset_point};
 use glam::{DVec3, Vec3};
 use std::f32::consts::TAU;
 
@@ -11,24 +11,24 @@ use std::f32::consts::TAU;
 const POINTS: u32 = 4096;
 const RAYS: u32 = 32;
 /// A point is inside if at most this share of its rays leaves the scene.
-const INSIDE: f32 = 0.25;
+const MOST_LEAVING_FROM_INSIDE: f32 = 0.25;
 /// Rays from inside that leave the scene and are followed through their opening, at most.
-const FOLLOWED: usize = 512;
+const MOST_FOLLOWED_RAYS: usize = 512;
 /// Metres between places looked at along such a ray, and how far from its start it is followed.
-const STEP: f32 = 0.08;
-const FARTHEST: f32 = 40.0;
+const STEP_LENGTH: f32 = 0.08;
+const FARTHEST_OPENING: f32 = 40.0;
 /// Longest way in metres through the opening of a wall.
-const THICKEST: f32 = 1.0;
+const THICKEST_FRAME: f32 = 1.0;
 /// Largest side of an opening in metres; a larger one needs no portal to be found.
-const WIDEST: f32 = 8.0;
+const WIDEST_OPENING: f32 = 8.0;
 /// Smallest side.
-const NARROWEST: f32 = 0.1;
+const NARROWEST_OPENING: f32 = 0.1;
 /// Openings nearer than this are one, with its bars.
-const BARS: f32 = 0.25;
+const WIDEST_BAR: f32 = 0.25;
 /// Most openings that are told, those that most light comes through.
-const MOST: usize = 12;
+const MOST_OPENINGS: usize = 12;
 /// Fewer rays than this through an opening are chance.
-const FEWEST: usize = 3;
+const FEWEST_RAYS: usize = 3;
 
 /// A rectangle across an opening, in its own axes.
 #[derive(Clone, Copy, Debug)]
@@ -56,7 +56,7 @@ impl Opening {
     }
 
     /// Whether its four sides are straight: free space across it ends at the same place all along.
-    fn is_framed(&self, rays: &Rays, axes: &[Vec3; 3]) -> bool {
+    fn is_framed(&self, ray_tracer: &RayTracer, axes: &[Vec3; 3]) -> bool {
         /// Lines across it, and how many of them may end elsewhere.
         const LINES: u32 = 7;
         const MOST_ELSEWHERE: u32 = 1;
@@ -67,7 +67,7 @@ impl Opening {
                 let share = (k as f32 + 0.5) / LINES as f32;
                 let p = if along == 0 { self.at(axes, 0.5, share) } else { self.at(axes, share, 0.5) };
                 let ends_there = |d: Vec3| {
-                    let hit = rays.nearest(p, d, NOWHERE);
+                    let hit = ray_tracer.nearest(p, d, NO_TRIANGLE);
                     hit.is_some_and(|hit| (hit.t - 0.5 * size).abs() <= 0.05 * size + 0.02)
                 };
                 !(ends_there(direction) && ends_there(-direction))
@@ -78,26 +78,26 @@ impl Opening {
     }
 
     /// Whether light comes in by one side of it only: there few rays meet anything.
-    fn leads_out(&self, rays: &Rays, axes: &[Vec3; 3]) -> bool {
+    fn leads_out(&self, ray_tracer: &RayTracer, axes: &[Vec3; 3]) -> bool {
         /// Least share of the rays that leave the scene on the outside, and how many times that of the
         /// inside.
         const LEAST: f32 = 0.2;
         const TIMES: f32 = 3.0;
-        let [a, b] = self.leaving(rays, axes);
+        let [a, b] = self.leaving(ray_tracer, axes);
         a.max(b) >= LEAST && a.max(b) >= TIMES * a.min(b)
     }
 
     /// The box that most rays from it into the room end in, a little larger.
-    fn room(&self, rays: &Rays, axes: &[Vec3; 3]) -> [Vec3; 2] {
+    fn room(&self, ray_tracer: &RayTracer, axes: &[Vec3; 3]) -> [Vec3; 2] {
         /// Rays, and how many of them may end beyond each side: those that leave by another window.
         const MANY: u32 = 1024;
         const BEYOND: usize = 20;
-        let [a, b] = self.leaving(rays, axes);
+        let [a, b] = self.leaving(ray_tracer, axes);
         let inwards = if a <= b { axes[self.axis] } else { -axes[self.axis] };
         let end = |i: u32| {
             let [s, t] = [0.754_877_7, 0.569_840_3].map(|step| (i as f32 * step).fract());
             let (from, direction) = (self.at(axes, s, t), around(inwards, i, MANY, s));
-            rays.nearest(from, direction, NOWHERE).map(|hit| from + direction * hit.t)
+            ray_tracer.nearest(from, direction, NO_TRIANGLE).map(|hit| from + direction * hit.t)
         };
         let ends: Vec<Vec3> = (0..MANY).filter_map(end).collect();
         let corners = [self.at(axes, 0.0, 0.0), self.at(axes, 1.0, 1.0)];
@@ -116,12 +116,12 @@ impl Opening {
     }
 
     /// Of rays to the one side and to the other, the shares that leave the scene.
-    fn leaving(&self, rays: &Rays, axes: &[Vec3; 3]) -> [f32; 2] {
+    fn leaving(&self, ray_tracer: &RayTracer, axes: &[Vec3; 3]) -> [f32; 2] {
         let n = axes[self.axis];
         let share = |normal: Vec3| {
             let leaves = |i: u32| {
                 let [s, t] = [0.754_877_7, 0.569_840_3].map(|step| (i as f32 * step).fract());
-                rays.nearest(self.at(axes, s, t), around(normal, i, RAYS, s), NOWHERE).is_none()
+                ray_tracer.nearest(self.at(axes, s, t), around(normal, i, RAYS, s), NO_TRIANGLE).is_none()
             };
             (0..RAYS).filter(|&i| leaves(i)).count() as f32 / RAYS as f32
         };
@@ -130,8 +130,9 @@ impl Opening {
 
     /// Whether two are parts of one opening.
     fn touches(&self, other: &Opening) -> bool {
-        let near = |i: usize| self.low[i] <= other.high[i] + BARS && other.low[i] <= self.high[i] + BARS;
-        self.axis == other.axis && (self.depth - other.depth).abs() < 2.0 * BARS && near(0) && near(1)
+        let near =
+            |i: usize| self.low[i] <= other.high[i] + WIDEST_BAR && other.low[i] <= self.high[i] + WIDEST_BAR;
+        self.axis == other.axis && (self.depth - other.depth).abs() < 2.0 * WIDEST_BAR && near(0) && near(1)
     }
 
     /// Both as one.
@@ -149,14 +150,14 @@ impl Opening {
 
 /// Openings in the walls and roofs of rooms, the most important one first; none in a scene without rooms, or
 /// where walls are sheets without thickness.
-pub fn openings(geometry: &Geometry, rays: &Rays) -> Vec<Portal> {
+pub fn openings(geometry: &Geometry, ray_tracer: &RayTracer) -> Vec<Portal> {
     let axes = axes(geometry);
-    let leaving = leaving(geometry, rays);
+    let leaving = leaving(geometry, ray_tracer);
     let bounds = Bounds::of(geometry.positions.iter().copied());
-    let stride = leaving.len().div_ceil(FOLLOWED).max(1);
+    let stride = leaving.len().div_ceil(MOST_FOLLOWED_RAYS).max(1);
     let mut found: Vec<Opening> = Vec::new();
     for &ray in leaving.iter().step_by(stride) {
-        let Some(opening) = narrowest(rays, &axes, ray, leave_distance(bounds, ray)) else { continue };
+        let Some(opening) = narrowest(ray_tracer, &axes, ray, leave_distance(bounds, ray)) else { continue };
         // The same opening was met before, a little deeper in its wall or by another pane.
         match found.iter_mut().find(|known| known.touches(&opening)) {
             Some(known) => *known = known.with(&opening),
@@ -172,12 +173,15 @@ pub fn openings(geometry: &Geometry, rays: &Rays) -> Vec<Portal> {
         }
     }
     merged.retain(|opening| {
-        let is_wide = opening.high.iter().zip(opening.low).all(|(h, l)| h - l >= NARROWEST);
-        opening.votes >= FEWEST && is_wide && opening.leads_out(rays, &axes)
+        let is_wide = opening.high.iter().zip(opening.low).all(|(h, l)| h - l >= NARROWEST_OPENING);
+        opening.votes >= FEWEST_RAYS && is_wide && opening.leads_out(ray_tracer, &axes)
     });
     merged.sort_by(|a, b| b.votes.cmp(&a.votes).then(b.area().total_cmp(&a.area())));
-    merged.truncate(MOST);
-    merged.iter().map(|opening| portal(opening, &axes, geometry.origin, opening.room(rays, &axes))).collect()
+    merged.truncate(MOST_OPENINGS);
+    merged
+        .iter()
+        .map(|opening| portal(opening, &axes, geometry.origin, opening.room(ray_tracer, &axes)))
+        .collect()
 }
 
 /// The opening as a portal in the world, to the centimetre.
@@ -229,7 +233,7 @@ fn axes(geometry: &Geometry) -> [Vec3; 3] {
 }
 
 /// Rays that leave the scene from points from where few do.
-fn leaving(geometry: &Geometry, rays: &Rays) -> Vec<(Vec3, Vec3)> {
+fn leaving(geometry: &Geometry, ray_tracer: &RayTracer) -> Vec<(Vec3, Vec3)> {
     // Points spread evenly by area.
     let areas = (0..geometry.triangles.len()).map(|t| {
         let [a, b, c] = geometry.corners(t);
@@ -260,9 +264,11 @@ fn leaving(geometry: &Geometry, rays: &Rays) -> Vec<(Vec3, Vec3)> {
         let directions = (0..RAYS).map(|k| around(normal, k, RAYS, s));
         let start = result.len();
         result.extend(
-            directions.filter(|&d| rays.nearest(origin, d, triangle as u32).is_none()).map(|d| (origin, d)),
+            directions
+                .filter(|&d| ray_tracer.nearest(origin, d, triangle as u32).is_none())
+                .map(|d| (origin, d)),
         );
-        if (result.len() - start) as f32 > INSIDE * RAYS as f32 {
+        if (result.len() - start) as f32 > MOST_LEAVING_FROM_INSIDE * RAYS as f32 {
             result.truncate(start);
         }
     }
@@ -270,14 +276,14 @@ fn leaving(geometry: &Geometry, rays: &Rays) -> Vec<(Vec3, Vec3)> {
 }
 
 /// The place by which a ray leaves its room: the narrowest one across any of the axes.
-fn narrowest(rays: &Rays, axes: &[Vec3; 3], ray: (Vec3, Vec3), reach: f32) -> Option<Opening> {
-    let found = (0..3).filter_map(|axis| opening_along(rays, axes, axis, ray, reach));
-    found.min_by(|a, b| a.area().total_cmp(&b.area())).filter(|opening| opening.is_framed(rays, axes))
+fn narrowest(ray_tracer: &RayTracer, axes: &[Vec3; 3], ray: (Vec3, Vec3), reach: f32) -> Option<Opening> {
+    let found = (0..3).filter_map(|axis| opening_along(ray_tracer, axes, axis, ray, reach));
+    found.min_by(|a, b| a.area().total_cmp(&b.area())).filter(|opening| opening.is_framed(ray_tracer, axes))
 }
 
 /// The narrowest of the last places along a ray that are bounded on all four sides across an axis.
 fn opening_along(
-    rays: &Rays,
+    ray_tracer: &RayTracer,
     axes: &[Vec3; 3],
     axis: usize,
     ray: (Vec3, Vec3),
@@ -287,12 +293,12 @@ fn opening_along(
     let [n, u, v] = others(axis).map(|i| axes[i]);
     // Free space to both sides of a place.
     let across = |p: Vec3, d: Vec3| {
-        let [plus, minus] = [d, -d].map(|d| rays.nearest(p, d, NOWHERE).map(|hit| hit.t));
-        Some([minus?, plus?]).filter(|[minus, plus]| minus + plus <= WIDEST)
+        let [plus, minus] = [d, -d].map(|d| ray_tracer.nearest(p, d, NO_TRIANGLE).map(|hit| hit.t));
+        Some([minus?, plus?]).filter(|[minus, plus]| minus + plus <= WIDEST_OPENING)
     };
     let mut best: Option<(Opening, f32)> = None;
-    for step in (1..=(reach / STEP) as u32).rev() {
-        let t = step as f32 * STEP;
+    for step in (1..=(reach / STEP_LENGTH) as u32).rev() {
+        let t = step as f32 * STEP_LENGTH;
         let p = origin + direction * t;
         let bounded = across(p, v).and_then(|vs| Some((across(p, u)?, vs)));
         let Some((us, vs)) = bounded else {
@@ -305,7 +311,7 @@ fn opening_along(
         let opening = Opening { axis, depth: n.dot(p), low, high, votes: 1 };
         match &mut best {
             None => best = Some((opening, t)),
-            Some((_, outer)) if *outer - t > THICKEST => break,
+            Some((_, outer)) if *outer - t > THICKEST_FRAME => break,
             Some((narrowest, _)) if opening.area() < 0.98 * narrowest.area() => *narrowest = opening,
             Some(_) => {}
         }
@@ -319,7 +325,7 @@ fn leave_distance(Bounds { low, high }: Bounds, (origin, direction): (Vec3, Vec3
         let side = if direction[i] > 0.0 { high[i] } else { low[i] };
         if direction[i] == 0.0 { f32::INFINITY } else { (side - origin[i]) / direction[i] }
     };
-    (0..3).map(far).fold(FARTHEST, f32::min).max(0.0)
+    (0..3).map(far).fold(FARTHEST_OPENING, f32::min).max(0.0)
 }
 
 #[cfg(test)]
@@ -383,7 +389,7 @@ mod tests {
     #[test]
     fn a_window_is_found_to_the_centimetre() {
         let g = room();
-        let found = openings(&g, &Rays::new(&g));
+        let found = openings(&g, &RayTracer::new(&g));
         assert_eq!(found.len(), 1, "{found:?}");
         let Portal { corner, edge_u, edge_v, .. } = found[0];
         let far = corner + edge_u + edge_v;
@@ -403,7 +409,7 @@ mod tests {
         let mut g = room();
         block(&mut g, Vec3::new(1.68, 1.0, 4.1), Vec3::new(1.72, 2.2, 4.2), false);
         let g = finish(g);
-        let found = openings(&g, &Rays::new(&g));
+        let found = openings(&g, &RayTracer::new(&g));
         assert_eq!(found.len(), 1, "{found:?}");
         assert!((found[0].edge_u.length().max(found[0].edge_v.length()) - 1.4).abs() < 0.02, "{found:?}");
     }
@@ -416,7 +422,7 @@ mod tests {
         block(&mut field, Vec3::new(-50.0, -1.0, -50.0), Vec3::new(50.0, 0.0, 50.0), false);
         block(&mut field, Vec3::new(-1.0, 0.0, -1.0), Vec3::new(1.0, 2.0, 1.0), false);
         for g in [closed, field, Geometry::default()].map(finish) {
-            assert!(openings(&g, &Rays::new(&g)).is_empty());
+            assert!(openings(&g, &RayTracer::new(&g)).is_empty());
         }
     }
 }

@@ -1,9 +1,8 @@
 //! What a bake is asked for, and what it tells when done.
 
 use super::check::Check;
-use super::denoise;
-use super::disk_space;
-use super::local::Local;
+use super::denoise::{self, Denoised};
+use super::local::LocalErrorSummary;
 use super::rounds::Round;
 use crate::light::extra_times;
 use crate::light::schedule::Hours;
@@ -55,7 +54,7 @@ impl Options {
     pub fn new(hours: Hours) -> Self {
         Options {
             hours,
-            extra_times: extra_times::MOST,
+            extra_times: extra_times::MOST_EXTRA_TIMES,
             transfer: false,
             indirect: false,
             samples: None,
@@ -68,7 +67,7 @@ impl Options {
             preset: Preset::Default,
             out: None,
             force: false,
-            free_bytes: disk_space::free_bytes,
+            free_bytes,
         }
     }
 }
@@ -195,33 +194,20 @@ impl Outcome {
     }
 
     /// The hour with the greatest local errors, and those.
-    pub fn worst_hour(&self) -> Option<(f64, Local)> {
+    pub fn worst_hour(&self) -> Option<(f64, LocalErrorSummary)> {
         let frame = self.local.worst_frame?;
         Some((*self.hours.get(frame)?, (*self.local.frames.get(frame)?)?))
     }
-}
-
-/// What came of denoising.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Denoised {
-    /// The method.
-    pub method: String,
-    /// Layers from which noise was taken.
-    pub layers: usize,
-    /// Those of them that this run filtered.
-    pub new_layers: usize,
-    /// Seconds that it took this run.
-    pub seconds: f64,
 }
 
 /// The local errors of a bake ([`super::local`]).
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct LocalErrors {
     /// Of all frames together; `None` without light.
-    pub all: Option<Local>,
+    pub all: Option<LocalErrorSummary>,
     /// Of each frame.
     #[serde(alias = "sets")]
-    pub frames: Vec<Option<Local>>,
+    pub frames: Vec<Option<LocalErrorSummary>>,
     /// The frame whose 95th percentile is greatest.
     #[serde(alias = "worst_set")]
     pub worst_frame: Option<usize>,
@@ -236,4 +222,24 @@ pub struct LayerCount {
     pub traced: usize,
     /// Kept from an earlier one.
     pub reused: usize,
+}
+
+/// The bytes that are free to this user on the file system of a folder that may not exist yet; `None` where
+/// the system does not tell.
+fn free_bytes(folder: &Path) -> Option<u64> {
+    let folder = std::path::absolute(folder).ok()?;
+    let nearest = folder.ancestors().find(|path| path.exists())?;
+    dataset::system::free_bytes(nearest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_free_is_that_of_the_nearest_folder_that_exists() {
+        let dir = tempfile::tempdir().unwrap();
+        let free = free_bytes(&dir.path().join("not/yet"));
+        assert!(free.is_some_and(|free| free > 0), "{free:?}");
+    }
 }

@@ -2,13 +2,10 @@
 
 use super::charts::Charts;
 use super::disk_space::DiskSpace;
-use super::existing;
 use super::layers::{Layers, Texel};
 use super::options::Options;
-use super::prepare::Prepared;
 use super::work::WorkFolder;
 use crate::{Error, Result};
-use dataset::observe::Observer;
 use dataset::store::Writer;
 use dataset::{files, lock, store};
 use std::ffi::OsStr;
@@ -17,7 +14,7 @@ use std::path::{Component, Path, PathBuf};
 const EXPECTED: &str = "expected a folder for the dataset, or a free name for one (--out)";
 
 /// Tells of a file that is in the way of the dataset's folder.
-pub fn expect_free(out: &Path) -> Result<()> {
+pub fn check_no_file_in_the_way(out: &Path) -> Result<()> {
     if let Some(file) = out.ancestors().find(|path| path.exists()).filter(|path| !path.is_dir()) {
         let file = if file == out { "it".to_owned() } else { file.display().to_string() };
         return Err(Error::invalid(out.display(), format!("{file} is a file; {EXPECTED}")));
@@ -37,14 +34,11 @@ impl OutputFolder {
     /// Creates and locks it.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where it is not a bake's, or holds a dataset that this bake would replace by less;
-    /// [`Error::Unready`] while another bake has it.
-    pub fn take(out: &Path, prepared: &Prepared, options: &Options, observer: &dyn Observer) -> Result<Self> {
-        existing::refuse_foreign(out, prepared.scene.objects.iter().map(|object| object.file.as_path()))?;
+    /// [`Error::Invalid`] where it cannot be created or written to; [`Error::Unready`] while another bake has
+    /// it.
+    pub fn take(out: &Path) -> Result<Self> {
         create(out)?;
-        let output = OutputFolder { root: out.to_owned(), layers: Layers::new(out), _lock: lock(out)? };
-        existing::refuse_less(out, prepared, options, observer)?;
-        Ok(output)
+        Ok(OutputFolder { root: out.to_owned(), layers: Layers::new(out), _lock: lock(out)? })
     }
 
     /// Its path.
@@ -57,7 +51,7 @@ impl OutputFolder {
     /// # Errors
     /// [`Error::Invalid`] where the disk has not room for it.
     pub fn begin(&self, disk: &DiskSpace, options: &Options, charts: Charts) -> Result<Writer> {
-        disk.expect_space(&self.root, (options.free_bytes)(&self.root))?;
+        disk.check_free_space(&self.root, (options.free_bytes)(&self.root))?;
         // The folder of the work comes first: by it a later run knows the folder for a bake's own.
         let work = self.root.join(store::WORK);
         files::create_folders(&work).map_err(Error::io(&work))?;
@@ -66,7 +60,7 @@ impl OutputFolder {
             WorkFolder::clear(&self.root)?;
             self.layers.clear()?;
         }
-        self.layers.settle()?;
+        self.layers.finish_changes()?;
         // (Nothing but time is lost where charts cannot be kept.)
         if self.layers.create().is_ok() {
             charts.keep(&self.root);
@@ -103,7 +97,7 @@ impl Drop for OutputFolder {
 
 /// Creates the dataset's folder, or tells what is in the way, before hours of tracing rather than after.
 fn create(out: &Path) -> Result<()> {
-    expect_free(out)?;
+    check_no_file_in_the_way(out)?;
     let refused = |what: &str, error: std::io::Error| {
         Error::invalid(out.display(), format!("{what} ({error}); {EXPECTED} that this user may write to"))
     };

@@ -39,7 +39,7 @@ pub struct Plan {
     /// The groups that shine at some time.
     pub groups: Vec<PlannedGroup>,
     /// Per group of the scene, its place among `groups`.
-    pub place_of_group: Vec<Option<usize>>,
+    pub index_of_group: Vec<Option<usize>>,
     /// Which part of the suns' light lightmaps hold.
     sun_baked: Baked,
     /// Which part of the skies' light they hold.
@@ -86,7 +86,7 @@ impl Plan {
 
         // Groups: only those some time shows, and that shine.
         let mut groups = Vec::new();
-        let mut place_of_group = vec![None; scene.groups.len()];
+        let mut index_of_group = vec![None; scene.groups.len()];
         for (g, group) in scene.groups.iter().enumerate() {
             if group.baked == Baked::None {
                 skipped.push(format!("group \"{}\" is not traced: baked = \"none\"", group.name));
@@ -101,7 +101,7 @@ impl Plan {
                 skipped.push(format!("group \"{}\" is not traced: nothing in it shines", group.name));
                 continue;
             }
-            place_of_group[g] = Some(groups.len());
+            index_of_group[g] = Some(groups.len());
             groups.push(planned);
         }
         if matches!(scene.sky, Some(Sky::Harmonics { .. })) {
@@ -125,7 +125,7 @@ impl Plan {
             sky_names,
             sky_of,
             groups,
-            place_of_group,
+            index_of_group,
             sun_baked: scene.sun_baked,
             sky_baked: scene.sky_baked,
             skipped,
@@ -148,7 +148,7 @@ impl Plan {
         let first = self.suns.len() + self.sky_hours.len();
         let on = &self.times[time].groups_on;
         on.iter()
-            .zip(&self.place_of_group)
+            .zip(&self.index_of_group)
             .filter(|(on, _)| **on)
             .filter_map(move |(_, l)| l.map(|l| first + l))
     }
@@ -176,7 +176,7 @@ impl Plan {
         }
     }
 
-    /// The digest of each layer: of `base` (all that decides a texel but light) and of what shines in it.
+    /// The digest of each layer: of `base` (all that decides a texel but light) and of the emitters in it.
     pub fn digests(&self, scene: &Scene, base: &blake3::Hash) -> Result<Vec<String>> {
         (0..self.layers())
             .map(|layer| {
@@ -220,22 +220,33 @@ impl Plan {
         let suns = layers.iter().filter_map(|&l| self.suns.get(l).copied().map(SunLight::new)).collect();
         let hours: Vec<f64> =
             layers.iter().filter(|&&l| (n..n + m).contains(&l)).map(|&l| self.sky_hours[l - n]).collect();
-        let sky = SkyTable::new(scene.sky.as_ref(), scene.place.as_ref(), &hours);
+        let sky = SkyTable::new(scene.sky.as_ref(), scene.location.as_ref(), &hours);
         let ground = self.ground(scene, layers);
         let guide = SkyGuide::new(scene, &sky, geometry.origin);
         let mut groups: Vec<GroupLight> = Vec::new();
-        let mut place_of_group = vec![None; self.place_of_group.len()];
+        let mut index_of_group = vec![None; self.index_of_group.len()];
         for &layer in layers.iter().filter(|&&l| l >= n + m) {
             let group = &self.groups[layer - n - m];
-            place_of_group[group.index as usize] = Some(groups.len());
+            index_of_group[group.index as usize] = Some(groups.len());
             groups.push(group.light(geometry));
         }
-        let straight = layers.iter().map(|&layer| self.baked_of(layer) == Baked::All).collect();
-        let mut met = 0..;
+        let holds_direct = layers.iter().map(|&layer| self.baked_of(layer) == Baked::All).collect();
+        let mut next_index = 0..;
         let shines = |group: &GroupLight| group.emission.iter().any(|radiance| *radiance != Rgb::ZERO);
-        let place_among_met = groups.iter().map(|g| shines(g).then(|| met.next()).flatten()).collect();
+        let hit_index_of_group =
+            groups.iter().map(|g| shines(g).then(|| next_index.next()).flatten()).collect();
         let is_sky_apart = self.sky_baked == Baked::Indirect;
-        Lights { suns, sky, guide, ground, groups, place_of_group, straight, place_among_met, is_sky_apart }
+        Lights {
+            suns,
+            sky,
+            guide,
+            ground,
+            groups,
+            index_of_group,
+            holds_direct,
+            hit_index_of_group,
+            is_sky_apart,
+        }
     }
 
     /// Which part of a layer's light lightmaps hold.
@@ -267,7 +278,7 @@ impl Plan {
             Some(sun) => ground::under_sun(albedo, sun),
             None => {
                 let hour = self.sky_hours[layer - self.suns.len()];
-                ground::under_sky(albedo, sky, scene.place.as_ref(), hour)
+                ground::under_sky(albedo, sky, scene.location.as_ref(), hour)
             }
         };
         let last = self.suns.len() + self.sky_hours.len();
@@ -292,7 +303,7 @@ fn plan_suns(
     let sun_of: Vec<Option<usize>> = times
         .iter()
         .map(|m| {
-            let disc = sun::at(traced?, scene.place.as_ref(), m.hour)?;
+            let disc = sun::at(traced?, scene.location.as_ref(), m.hour)?;
             Some(suns.iter().position(|s| *s == disc).unwrap_or_else(|| {
                 suns.push(disc);
                 suns.len() - 1
@@ -387,7 +398,7 @@ fn signature(scene: &Scene, hour: f64) -> Vec<Vec3> {
         Sky::Harmonics { upper } => return vec![Vec3::new(1.0, f32::from(u8::from(*upper)), hour as f32)],
         Sky::HosekWilkie { .. } => {}
     }
-    sky::radiances(sky, scene.place.as_ref(), hour, &directions(RINGS))
+    sky::radiances(sky, scene.location.as_ref(), hour, &directions(RINGS))
 }
 
 /// Directions of the upper hemisphere, ring by ring.

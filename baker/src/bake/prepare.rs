@@ -13,13 +13,13 @@ use super::scene_glb;
 use super::transfer;
 use crate::atlas::{self, Atlas};
 use crate::geometry::{self, Geometry, Solids};
-use crate::light::course::{self, Course};
 use crate::light::schedule::Hours;
+use crate::light::visibility_times::{self, VisibilityTimes};
 use crate::scene::{Baked, Lightmap, LightmapSize, MAX_SAMPLES, Scene, Sky, SunVisibility};
 use crate::trace::backend::Backend;
 use crate::trace::bvh8::Bvh8;
 use crate::trace::counts::RayCounts;
-use crate::trace::rays::Rays;
+use crate::trace::ray_tracer::RayTracer;
 use crate::trace::space::Space;
 use crate::{Error, Result};
 use dataset::config::Transfer;
@@ -49,7 +49,7 @@ pub struct Prepared {
     /// The layers.
     pub plan: Plan,
     /// The sun's course over the time that is baked, where its visibility is to be found.
-    pub course: Option<Course>,
+    pub visibility_times: Option<VisibilityTimes>,
     /// How light will be followed.
     pub integrator: Integrator,
     /// What will find the hits of rays.
@@ -93,30 +93,30 @@ impl Prepared {
     /// The sun by the minute over the time that is baked; none where the scene has no sun, nor in transfers.
     pub fn sun_path(&self) -> Option<SunPath> {
         let sun = self.scene.sun.as_ref().filter(|_| self.transfer.is_none())?;
-        Some(course::by_the_minute(sun, self.scene.place.as_ref(), self.hours.span()))
+        Some(visibility_times::sun_path(sun, self.scene.location.as_ref(), self.hours.span()))
     }
 
     /// The ray tracer over the triangles. Our own hierarchy is built once, however often this is asked for.
     ///
     /// # Errors
-    /// As [`Rays::with_backend`].
-    pub fn rays(&self) -> Result<Rays<'_>> {
+    /// As [`RayTracer::with_backend`].
+    pub fn ray_tracer(&self) -> Result<RayTracer<'_>> {
         match self.backend {
-            Backend::Obvhs => Ok(self.own_rays()),
-            Backend::Embree => Rays::with_backend(&self.geometry, self.backend),
+            Backend::Obvhs => Ok(self.own_ray_tracer()),
+            Backend::Embree => RayTracer::with_backend(&self.geometry, self.backend),
         }
     }
 
     /// Rays through our own hierarchy, whatever the backend.
-    fn own_rays(&self) -> Rays<'_> {
+    fn own_ray_tracer(&self) -> RayTracer<'_> {
         let hierarchy = self.hierarchy.get_or_init(|| Arc::new(Bvh8::new(&self.geometry)));
-        Rays::with_hierarchy(&self.geometry, Arc::clone(hierarchy))
+        RayTracer::with_hierarchy(&self.geometry, Arc::clone(hierarchy))
     }
 
     /// The space among the triangles, with its solids.
-    pub fn space<'a>(&'a self, rays: &'a Rays<'a>) -> Space<'a> {
+    pub fn space<'a>(&'a self, ray_tracer: &'a RayTracer<'a>) -> Space<'a> {
         let solids = self.solids.get_or_init(|| Solids::new(&self.geometry));
-        Space::new(&self.geometry, rays).with_solids(solids.clone())
+        Space::new(&self.geometry, ray_tracer).with_solids(solids.clone())
     }
 
     /// Lays out the texels, unwrapping every mesh: [`Prepared::atlas_from`] nothing.
@@ -139,7 +139,7 @@ impl Prepared {
     /// The same by another lightmap than the scene's.
     pub fn atlas_of(&self, lightmap: &Lightmap, charts: &Charts) -> Result<(Atlas, RayCounts)> {
         let hidden = match hidden::is_sought(lightmap) {
-            true => hidden::find_in(&self.space(&self.own_rays()), lightmap),
+            true => hidden::find_in(&self.space(&self.own_ray_tracer()), lightmap),
             false => Hidden::default(),
         };
         let atlas = atlas::build_from(&self.geometry, lightmap, &hidden.triangles, charts);
@@ -194,9 +194,9 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &dyn Observer) -> 
     let start = Instant::now();
     let (mut scene, mut warnings) = crate::scene::load(scene_file)?;
     apply(&mut scene, options)?;
-    if let Some(place) = &scene.place {
-        let place = crate::light::sun::check(place);
-        place.map_err(|e| Error::invalid(scene_file.display(), format!("[place]: {e}")))?;
+    if let Some(location) = &scene.location {
+        let checked = crate::light::sun::check(location);
+        checked.map_err(|e| Error::invalid(scene_file.display(), format!("[place]: {e}")))?;
     }
     let (mut scene, hours, transfer) = if options.transfer {
         let inputs = inputs_of_the_day(scene_file, options)?;
@@ -216,12 +216,12 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &dyn Observer) -> 
     let hierarchy = OnceLock::new();
     if scene.sky.is_some() && scene.find_portals && scene.portals.is_empty() {
         let own = hierarchy.get_or_init(|| Arc::new(Bvh8::new(&geometry)));
-        let rays = Rays::with_hierarchy(&geometry, Arc::clone(own));
-        scene.portals = openings(&geometry, &rays);
+        let ray_tracer = RayTracer::with_hierarchy(&geometry, Arc::clone(own));
+        scene.portals = openings(&geometry, &ray_tracer);
         facts::found_portals(&scene.portals).into_iter().for_each(|what| console.say(format!("  {what}")));
     }
     let mut plan = Plan::new(&scene, &geometry, &hours, options.extra_times);
-    let course = course(&scene, &hours, &mut plan.skipped)?;
+    let visibility_times = visibility_times(&scene, &hours, &mut plan.skipped)?;
     let integrator = match (options.integrator, scene.bake.bounces) {
         (Integrator::Cached, Some(most)) => {
             let why = "the cache holds all bounces";
@@ -249,7 +249,7 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &dyn Observer) -> 
         transfer,
         geometry,
         plan,
-        course,
+        visibility_times,
         integrator,
         backend,
         denoise: options.denoise.method(options.transfer),
@@ -331,7 +331,11 @@ fn apply(scene: &mut Scene, options: &Options) -> Result<()> {
 ///
 /// # Errors
 /// [`Error::Unsupported`] of a course with more times than a dataset holds.
-fn course(scene: &Scene, hours: &Hours, skipped: &mut Vec<String>) -> Result<Option<Course>> {
+fn visibility_times(
+    scene: &Scene,
+    hours: &Hours,
+    skipped: &mut Vec<String>,
+) -> Result<Option<VisibilityTimes>> {
     let (Some(sun), Some(visibility)) = (&scene.sun, scene.sun_visibility) else { return Ok(None) };
     if matches!(scene.sky, Some(Sky::Harmonics { .. })) || scene.sun_baked == Baked::None {
         // (Told with its rays.)
@@ -349,21 +353,21 @@ fn course(scene: &Scene, hours: &Hours, skipped: &mut Vec<String>) -> Result<Opt
         skipped.push("no visibility of the sun over time: one time is baked".to_owned());
         return Ok(None);
     }
-    let course = Course::new(sun, scene.place.as_ref(), [from, to], minutes);
-    if course.is_dark() {
+    let visibility_times = VisibilityTimes::new(sun, scene.location.as_ref(), [from, to], minutes);
+    if visibility_times.is_dark() {
         skipped.push(
             "no visibility of the sun: it gives no light between the first and the last hour".to_owned(),
         );
         return Ok(None);
     }
-    if course.hours.len() > MOST_TIMES {
+    if visibility_times.hours.len() > MOST_TIMES {
         let what = format!(
             "the sun's visibility has {} times along this course; expected {MOST_TIMES} at most: fewer keys, or visibility = \"off\"",
-            course.hours.len()
+            visibility_times.hours.len()
         );
         return Err(Error::unsupported("[sun] track", what));
     }
-    Ok(Some(course))
+    Ok(Some(visibility_times))
 }
 
 /// Digest of all that decides a texel but light.

@@ -13,7 +13,7 @@ use super::state::{ALL_PROBES, BlockState, PROBES, is_enough};
 use crate::surface::{BLOCK, BlockSurface};
 use crate::trace::clear::Frame;
 use crate::trace::counts::RayCounts;
-use crate::trace::space::{Look, Receiver};
+use crate::trace::space::{Receiver, SurroundingHits};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -114,12 +114,16 @@ impl Worker<'_> {
             }
         }
         let middle = points().nth(points().count() / 2);
-        let mut look = Look::default();
+        let mut known_hits = SurroundingHits::default();
         let is_inside = middle.is_none_or(|middle| {
-            space.is_in_solid(middle, &mut look, counts) || space.is_enclosed(middle, &mut look, counts)
+            space.is_in_solid(middle, &mut known_hits, counts)
+                || space.is_enclosed(middle, &mut known_hits, counts)
         });
         let corners = told.into_iter().flatten();
-        !is_inside && !corners.into_iter().any(|(at, _)| space.is_enclosed(at, &mut Look::default(), counts))
+        !is_inside
+            && !corners
+                .into_iter()
+                .any(|(at, _)| space.is_enclosed(at, &mut SurroundingHits::default(), counts))
     }
 
     /// Which probed points of a texel are its surface, one bit each: those outside solids, and where a wall
@@ -196,18 +200,18 @@ impl Worker<'_> {
             is_open
         };
         for group in &mut groups {
-            let mut looks = vec![Look::default(); group.len()];
+            let mut known_hits = vec![SurroundingHits::default(); group.len()];
             // All of a group lie in the same closed solids, or else the surface passes through itself.
-            if space.is_in_solid(&group[0].1, &mut looks[0], counts) {
+            if space.is_in_solid(&group[0].1, &mut known_hits[0], counts) {
                 group.retain(|point| {
-                    keep_if(!space.is_in_solid(&point.1, &mut Look::default(), counts), point)
+                    keep_if(!space.is_in_solid(&point.1, &mut SurroundingHits::default(), counts), point)
                 });
-                looks = vec![Look::default(); group.len()];
+                known_hits = vec![SurroundingHits::default(); group.len()];
             }
             // What lies in a body that is open a little is divided from what does not, unless the body ends
             // above the surface: of a whole texel, the first points tell (of a (0, 2)-sequence four lie one
             // in each quarter).
-            let mut is_enclosed = |k: usize, at: &Receiver| space.is_enclosed(at, &mut looks[k], counts);
+            let mut is_enclosed = |k: usize, at: &Receiver| space.is_enclosed(at, &mut known_hits[k], counts);
             if !is_whole || (0..group.len().min(4)).any(|k| is_enclosed(k, &group[k].1)) {
                 let mut k = 0..;
                 group.retain(|point| keep_if(!k.next().is_some_and(|k| is_enclosed(k, &point.1)), point));

@@ -2,13 +2,13 @@
 
 use super::*;
 use crate::atlas;
-use crate::bake::state::Kinds;
+use crate::bake::state::SumKinds;
 use crate::geometry::{Geometry, Instance, Material, Solids};
 use crate::scene::{Lightmap, LightmapSize};
 use crate::surface::FaceBins;
 use crate::trace::lights::Lights;
 use crate::trace::path::Transport;
-use crate::trace::rays::Rays;
+use crate::trace::ray_tracer::RayTracer;
 use crate::trace::space::Space;
 use glam::{DAffine3, Vec2, Vec3, vec3};
 
@@ -83,15 +83,15 @@ impl Builder {
             Lightmap { size: LightmapSize::TexelsPerMetre(texels_per_metre), ..Lightmap::default() };
         let atlas = atlas::build(&geometry, &lightmap).expect("an atlas");
         let bins = FaceBins::new(&atlas);
-        let (rays, lights) = (Rays::new(&geometry), Lights::none());
+        let (rays, lights) = (RayTracer::new(&geometry), Lights::none());
         let space = Space::new(&geometry, &rays).with_solids(Solids::new(&geometry));
         let transport = Transport::new(space, &lights, None);
-        let worker = Worker { transport, atlas: &atlas, bins: &bins, seed, certain: 64 };
+        let worker = Worker { transport, atlas: &atlas, bins: &bins, seed, guaranteed_samples: 64 };
         let mut found = Vec::new();
         for block in worker.blocks() {
             let surface = worker.surface(block);
             // What squares tell is what every texel tells whose points are all asked.
-            let mut state = BlockState::empty(0, Kinds { layers: 0, sampled: 0, met: 0 });
+            let mut state = BlockState::empty(0, SumKinds { layers: 0, sampled: 0, hit_lights: 0 });
             worker.probe(&surface, &mut state);
             for (k, texel) in surface.covered().enumerate() {
                 let mut counts = RayCounts::default();

@@ -1,7 +1,7 @@
 //! Rounds of tracing: each brings more samples where they are wanted, so that an estimate with its error
 //! exists early and improves to the end. Here: when to stop, and what a round and all of them reached.
 
-use super::local::Local;
+use super::local::LocalErrorSummary;
 use crate::trace::counts::RayCounts;
 use dataset::console::count;
 use serde::{Deserialize, Serialize};
@@ -50,14 +50,14 @@ pub struct Round {
     /// Local errors over all cells and frames, of the layers this run traces ([`super::local`]); `None`
     /// without light.
     #[serde(default)]
-    pub local: Option<Local>,
+    pub local: Option<LocalErrorSummary>,
     /// Those of every frame.
     #[serde(default)]
     #[serde(alias = "local_sets")]
-    pub local_frames: Vec<Option<Local>>,
+    pub local_frames: Vec<Option<LocalErrorSummary>>,
     /// Those of all frames after denoising, where the round was judged by them.
     #[serde(default)]
-    pub denoised: Option<Local>,
+    pub denoised: Option<LocalErrorSummary>,
     /// Cells that have not reached the target; 0 without one.
     #[serde(alias = "open_cells")]
     pub unconverged_cells: usize,
@@ -149,7 +149,7 @@ pub fn stops(limits: &Limits, before: u32, target: u32) -> Vec<u32> {
 
 /// The samples that are sure to be drawn: all of them, or towards a target or under a time limit those of the
 /// first round.
-pub fn certain(limits: &Limits) -> u32 {
+pub fn guaranteed_samples(limits: &Limits) -> u32 {
     let schedule = schedule(limits);
     if limits.have_target() { schedule[0] } else { total_of(&schedule) }
 }
@@ -165,7 +165,7 @@ pub fn note(round: &Round, limits: &Limits) -> String {
         Some(_) => format!(", {} of 16×16 texels above the target", count(round.unconverged_cells, "cell")),
         None => String::new(),
     };
-    let told = |local: Local| {
+    let told = |local: LocalErrorSummary| {
         let [median, p95] = [local.median, local.p95].map(|error| error * 100.0);
         format!("median {median:.1} %, 95 % below {p95:.1} %")
     };
@@ -207,8 +207,9 @@ mod tests {
         let target = |samples| schedule(&Limits { samples, target_error: Some(0.01), deadline: None });
         assert_eq!(target(128), [16, 32, 64, 128]);
         assert_eq!(target(8), [8]);
-        let certain = |samples, target_error| certain(&Limits { samples, target_error, deadline: None });
-        assert_eq!([certain(64, None), certain(2, None)], [64, 2]);
-        assert_eq!([certain(128, Some(0.01)), certain(8, Some(0.01))], [16, 8]);
+        let guaranteed_samples =
+            |samples, target_error| guaranteed_samples(&Limits { samples, target_error, deadline: None });
+        assert_eq!([guaranteed_samples(64, None), guaranteed_samples(2, None)], [64, 2]);
+        assert_eq!([guaranteed_samples(128, Some(0.01)), guaranteed_samples(8, Some(0.01))], [16, 8]);
     }
 }

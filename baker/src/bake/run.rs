@@ -6,7 +6,7 @@ use super::charts::Charts;
 use super::check::{Check, check, choose};
 use super::denoise::Denoiser;
 use super::disk_space::DiskSpace;
-use super::endless;
+use super::endless_light;
 use super::errors::median;
 use super::existing::{self, ERRORS, RUN};
 use super::facts;
@@ -15,15 +15,15 @@ use super::json;
 use super::kept;
 use super::layers::{FilteredLayer, Layers, Texel};
 use super::layout_estimate::LayoutEstimate;
-use super::local::Places;
+use super::local::CellMap;
 use super::output::OutputFolder;
-use super::rounds::{Traced, certain};
-use super::state::Kinds;
+use super::rounds::{Traced, guaranteed_samples};
+use super::state::SumKinds;
 use super::target;
-use super::tracer::{Judge, Tracer, Way};
+use super::tracer::{BlockHistory, JudgeTarget, Tracer};
 use super::valid::ValidTexels;
 use super::views;
-use super::visibility::Finder;
+use super::visibility::VisibilityBaker;
 use super::work::WorkFolder;
 use crate::Result;
 use crate::atlas::Atlas;
@@ -46,7 +46,8 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-pub use super::options::{Denoise, Denoised, Integrator, LayerCount, LocalErrors, Options, Outcome, Preset};
+pub use super::denoise::Denoised;
+pub use super::options::{Denoise, Integrator, LayerCount, LocalErrors, Options, Outcome, Preset};
 pub use super::prepare::{Prepared, prepare};
 
 /// Bakes a scene into a dataset.
@@ -63,16 +64,20 @@ pub fn bake(scene_file: &Path, options: &Options, console: &dyn Observer) -> Res
         existing::refresh(&out, &settings)?;
         return Ok(outcome);
     }
-    let output = OutputFolder::take(&out, &prepared, options, console)?;
+    existing::refuse_foreign_folder(&out, prepared.scene.objects.iter().map(|object| object.file.as_path()))?;
+    let output = OutputFolder::take(&out)?;
+    existing::refuse_downgrade(&out, &prepared, options, console)?;
     let (layout, charts) = unwrap(&prepared, &output, options, console)?;
-    let mut writer = output.begin(&DiskSpace::left(&prepared, &layout, &out, options), options, charts)?;
+    let mut writer =
+        output.begin(&DiskSpace::still_needed(&prepared, &layout, &out, options), options, charts)?;
     let (atlas, mut rays) = (layout.atlas, layout.rays);
-    let (places, looks) = with_worker(&prepared, &atlas, &[], |worker| Places::find(&worker, console))?;
-    rays += looks;
+    let (cell_map, cell_rays) =
+        with_worker(&prepared, &atlas, &[], |worker| CellMap::find(&worker, console))?;
+    rays += cell_rays;
 
-    let run = Run { prepared: &prepared, atlas: &atlas, places: &places, output: &output, console };
+    let run = Run { prepared: &prepared, atlas: &atlas, cell_map: &cell_map, output: &output, console };
     let mut denoiser = prepared.denoise.map(Denoiser::new);
-    let (traced, origin, dropped) = run.provide_layers(&mut denoiser)?;
+    let (traced, origin, dropped) = run.trace_missing_layers(&mut denoiser)?;
     let (assembler, filtered) = run.assembler(&mut denoiser)?;
     let check = options.check.map(|samples| run.check(&assembler, samples)).transpose()?;
 
@@ -82,7 +87,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &dyn Observer) -> Res
     let glb = writer.add("scene", "glb", &geometry.glb)?;
     writer.alias(&glb, super::scene_glb::NAME);
     let local = local_errors(&prepared, &stored, &traced);
-    let picture = places.grid().picture(stored.worst.as_ref().map(|worst| &worst.errors[..]));
+    let picture = cell_map.grid().picture(stored.worst.as_ref().map(|worst| &worst.errors[..]));
     write_atomically(&out.join(ERRORS), &picture)?;
     let mut relative = stored.errors.relative(prepared.plan.layers() > 0);
     relative.sort_by(f64::total_cmp);
@@ -96,7 +101,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &dyn Observer) -> Res
     }
 
     let texels = stored.valid_texels;
-    let mut config = manifest(&prepared, geometry.places, &traced, &mut stored, glb, &inputs, settings);
+    let mut config = manifest(&prepared, geometry.instances, &traced, &mut stored, glb, &inputs, settings);
     (config.sun_path, config.visibility) = (sun.path, sun.visibility);
     writer.commit(&config)?;
     let discarded =
@@ -166,7 +171,7 @@ fn unwrap(
     let notes = facts::unwrapped(charts.counts()).into_iter().chain(facts::skipped(&atlas));
     notes.for_each(|note| console.say(format!("  {note}")));
     if !scene.cameras.is_empty() {
-        let views = views::views(&scene.cameras, geometry, &atlas, TILE, &prepared.rays()?);
+        let views = views::views(&scene.cameras, geometry, &atlas, TILE, &prepared.ray_tracer()?);
         let notes = views::in_words(&views, views::lit_tiles(&atlas, TILE));
         notes.into_iter().for_each(|note| console.say(format!("  {note}")));
     }
@@ -216,11 +221,11 @@ fn local_errors(prepared: &Prepared, stored: &Stored, traced: &Traced) -> LocalE
 /// Writes how light of sun and sky goes between frames, and names it in their layers. (The sun's direct light
 /// goes by its visibility.)
 fn add_curves(scene: &Scene, daylight: &mut [Layer], writer: &mut Writer) -> Result<()> {
-    let place = scene.place.as_ref();
+    let location = scene.location.as_ref();
     for layer in daylight.iter_mut().filter(|layer| !layer.is_direct_sun()) {
         let curve = match layer.light {
-            Light::Sun => scene.sun.as_ref().and_then(|sun| curves::of_reflected_sun(sun, place)),
-            _ => scene.sky.as_ref().and_then(|sky| curves::of_sky(sky, place)),
+            Light::Sun => scene.sun.as_ref().and_then(|sun| curves::of_reflected_sun(sun, location)),
+            _ => scene.sky.as_ref().and_then(|sky| curves::of_sky(sky, location)),
         };
         let add =
             |curve: Curve| writer.add(&format!("curve-{}", layer.light.name()), "json", &curve.to_json());
@@ -232,7 +237,7 @@ fn add_curves(scene: &Scene, daylight: &mut [Layer], writer: &mut Writer) -> Res
 /// The manifest of what was stored.
 fn manifest(
     prepared: &Prepared,
-    places: Vec<Instance>,
+    instances: Vec<Instance>,
     traced: &Traced,
     stored: &mut Stored,
     geometry_file: FileRef,
@@ -276,7 +281,7 @@ fn manifest(
         frames,
         noise: Some(stored.noise.clone()),
         geometry: Some(geometry_file),
-        instances: places,
+        instances,
         settings,
         sun_path: None,
         visibility: None,
@@ -320,7 +325,7 @@ impl Sunlight {
 struct Run<'a> {
     prepared: &'a Prepared,
     atlas: &'a Atlas,
-    places: &'a Places,
+    cell_map: &'a CellMap,
     output: &'a OutputFolder,
     console: &'a dyn Observer,
 }
@@ -328,11 +333,14 @@ struct Run<'a> {
 impl Run<'_> {
     /// Traces the layers that no earlier bake left, and keeps them; towards a target also those that were
     /// left, where they miss it by this light. Warnings, too.
-    fn provide_layers(&self, denoiser: &mut Option<Denoiser>) -> Result<(Traced, LayerCount, Vec<String>)> {
+    fn trace_missing_layers(
+        &self,
+        denoiser: &mut Option<Denoiser>,
+    ) -> Result<(Traced, LayerCount, Vec<String>)> {
         let Run { prepared, console, .. } = *self;
         let (Prepared { plan, digests, .. }, layers) = (prepared, &self.output.layers);
         let base = prepared.base();
-        let missing = kept::missing(plan, layers, &base, digests);
+        let missing = kept::not_kept(plan, layers, &base, digests);
         if missing.len() < digests.len() {
             let names: Vec<String> = missing.iter().map(|&l| plan.name_of(l)).collect();
             let kept = count(digests.len() - missing.len(), "layer");
@@ -353,11 +361,11 @@ impl Run<'_> {
         }
         let mut origin = LayerCount { traced: missing.len(), reused: digests.len() - missing.len() };
         if let (Some(target), Some(texels), 1.., true) =
-            (prepared.limits.target_error, layers.texels(&base), origin.reused, kept::is_met(&traced))
+            (prepared.limits.target_error, layers.texels(&base), origin.reused, kept::met_target(&traced))
         {
             let all: Vec<usize> = (0..digests.len()).collect();
             let again = with_worker(prepared, self.atlas, &[], |worker| {
-                kept::missing_target(plan, &self.light(&worker, layers, &all, &texels, denoiser)?, target)
+                kept::off_target(plan, &self.light(&worker, layers, &all, &texels, denoiser)?, target)
             })?;
             if !again.is_empty() {
                 let names: Vec<String> = again.iter().map(|&l| plan.name_of(l)).collect();
@@ -365,7 +373,7 @@ impl Run<'_> {
                     "these kept layers miss the target with the new light and are traced again: {}",
                     names.join(", ")
                 ));
-                layers.forget(again.iter().map(|&l| &digests[l]))?;
+                layers.remove(again.iter().map(|&l| &digests[l]))?;
                 let (new, more) = self.trace(&again, denoiser)?;
                 let rays = traced.rays + new.rays;
                 traced = Traced { rays, ..new };
@@ -385,11 +393,11 @@ impl Run<'_> {
         chosen: &[usize],
         texels: &'l [Texel],
         denoiser: &mut Option<Denoiser>,
-    ) -> Result<target::Light<'l>> {
+    ) -> Result<target::StoredLight<'l>> {
         let Prepared { plan, digests, .. } = self.prepared;
         let owners = Owners::new(self.atlas);
         let parts = chosen.iter().map(|&layer| (&digests[layer], plan.parts_of(layer)));
-        let valid = ValidTexels::find(self.atlas, &owners, texels, folder, parts)?.by_place(texels);
+        let valid = ValidTexels::find(self.atlas, &owners, texels, folder, parts)?.by_position(texels);
         let of_chosen: Vec<String> = chosen.iter().map(|&layer| digests[layer].clone()).collect();
         let filtered = match denoiser {
             Some(denoiser) => denoiser.denoise(worker, folder, &of_chosen, (texels, &valid), self.console)?,
@@ -399,13 +407,13 @@ impl Run<'_> {
         let layers =
             held.map(|(&layer, filtered)| (&digests[layer], plan.held_parts_of(layer), filtered)).collect();
         let (frames, width) = (self.prepared.frames(chosen), self.atlas.width as usize);
-        Ok(target::Light { folder, layers, frames, texels, valid, places: self.places, width })
+        Ok(target::StoredLight { folder, layers, frames, texels, valid, cell_map: self.cell_map, width })
     }
 
     /// Traces some layers (ascending) and keeps them; if there are none to trace, gives the account of those
     /// that are kept. Warnings, too.
     fn trace(&self, chosen: &[usize], denoiser: &mut Option<Denoiser>) -> Result<(Traced, Vec<String>)> {
-        let Run { prepared, atlas, places, output, console } = *self;
+        let Run { prepared, atlas, cell_map, output, console } = *self;
         let (Prepared { plan, digests, .. }, layers, out) = (prepared, &output.layers, output.root());
         let base = prepared.base();
         let work = prepared.work(chosen);
@@ -421,28 +429,28 @@ impl Run<'_> {
             warnings.push(dropped.to_owned());
         }
         let traced = with_worker(prepared, atlas, chosen, |worker| {
-            if let Some(slow) = endless::refuse(&worker.transport, atlas, worker.seed)? {
+            if let Some(slow) = endless_light::refuse(&worker.transport, atlas, worker.seed)? {
                 console.warn(&slow);
                 warnings.push(slow);
             }
-            let folder = WorkFolder::open(out, &work, &wanted, Kinds::of(worker.transport.lights))?;
+            let folder = WorkFolder::open(out, &work, &wanted, SumKinds::of(worker.transport.lights))?;
             let cached = prepared.integrator == Integrator::Cached;
             let frames = prepared.frames(chosen);
-            let tracer = Tracer { worker, frames, places, folder: &folder, cached, layers: plan.layers() };
+            let tracer = Tracer { worker, frames, cell_map, folder: &folder, cached, layers: plan.layers() };
             let (provisional, mut more) = (layers.provisional(), RayCounts::default());
-            let mut judge = |tracer: &Tracer, way: &Way, target: f64| {
+            let mut judge = |tracer: &Tracer, history: &BlockHistory, target: f64| {
                 provisional.clear()?;
-                more += provisional.write(tracer, way, &base, &wanted, &Traced::default(), console)?;
+                more += provisional.write(tracer, history, &base, &wanted, &Traced::default(), console)?;
                 let texels = provisional.texels(&base).ok_or_else(|| folder.changed())?;
                 self.light(&tracer.worker, &provisional, chosen, &texels, denoiser)?.judge(target)
             };
-            let judge: Option<Judge> = prepared.denoise.is_some().then_some(&mut judge);
-            let (mut traced, way) = tracer.run(&prepared.limits, judge, console)?;
+            let judge: Option<JudgeTarget> = prepared.denoise.is_some().then_some(&mut judge);
+            let (mut traced, history) = tracer.run(&prepared.limits, judge, console)?;
             if let Some(kept) = layers.traced(&base).filter(|_| chosen.len() < digests.len()) {
                 traced.keep(&kept);
             }
-            traced.rays += more + layers.write(&tracer, &way, &base, &wanted, &traced, console)?;
-            layers.adopt(&provisional);
+            traced.rays += more + layers.write(&tracer, &history, &base, &wanted, &traced, console)?;
+            layers.take_filtered_from(&provisional);
             folder.remove();
             Ok(traced)
         })?;
@@ -454,11 +462,11 @@ impl Run<'_> {
         &self,
         denoiser: &mut Option<Denoiser>,
     ) -> Result<(Assembler<'_>, Vec<Option<FilteredLayer>>)> {
-        let Run { prepared, atlas, places, output, console } = *self;
+        let Run { prepared, atlas, cell_map, output, console } = *self;
         let Prepared { scene, geometry, plan, digests, .. } = prepared;
         let (layers, padding) = (&output.layers, scene.lightmap.padding);
         let texels = output.texels(&prepared.base())?;
-        let assembler = Assembler::new(plan, geometry, atlas, (layers, digests), texels, places, padding)?;
+        let assembler = Assembler::new(plan, geometry, atlas, (layers, digests), texels, cell_map, padding)?;
         let filtered = match denoiser {
             Some(denoiser) => with_worker(prepared, atlas, &[], |worker| {
                 let texels = assembler.texels();
@@ -476,8 +484,8 @@ impl Run<'_> {
         let chosen = choose(assembler.valid_texels(), prepared.scene.bake.seed);
         let all: Vec<usize> = (0..prepared.plan.layers()).collect();
         // Of every layer these texels alone: all of all layers may be more than memory holds.
-        let places: Vec<usize> = chosen.iter().map(|texel| texel.place).collect();
-        let held = |&layer: &usize| assembler.held_at(layer, &places);
+        let positions: Vec<usize> = chosen.iter().map(|texel| texel.position).collect();
+        let held = |&layer: &usize| assembler.held_at(layer, &positions);
         let values = all.iter().map(held).collect::<Result<Vec<_>>>()?;
         with_worker(prepared, atlas, &all, |worker| {
             check(&worker, &chosen, &values, &prepared.frames(&all), samples, console)
@@ -491,19 +499,20 @@ impl Run<'_> {
         if let Some(path) = prepared.sun_path() {
             sunlight.path = Some(writer.add("sun", "json", &path.to_json())?);
         }
-        let Some(course) = &prepared.course else { return Ok(sunlight) };
+        let Some(visibility_times) = &prepared.visibility_times else { return Ok(sunlight) };
         let texels = output.texels(&prepared.base())?;
         with_worker(prepared, atlas, &[], |worker| {
-            let finder = Finder::new(prepared, &worker, &output.layers, &texels, course)?;
+            let visibility_baker =
+                VisibilityBaker::new(prepared, &worker, &output.layers, &texels, visibility_times)?;
             let (mut files, mut normals) = (Vec::new(), Vec::new());
-            sunlight.rays = finder.pages(console, |number, page| {
+            sunlight.rays = visibility_baker.pages(console, |number, page| {
                 files.push(writer.add(&format!("visibility-{number}"), "vis", &page.visibility)?);
                 normals.push(writer.add(&format!("normals-{number}"), "png", &page.normals.to_png())?);
                 Ok(())
             })?;
-            sunlight.visibility = Some(SunVisibility { minutes: course.minutes, files, normals });
-            sunlight.times = course.hours.len();
-            sunlight.kept = Some(finder.folder().to_owned());
+            sunlight.visibility = Some(SunVisibility { minutes: visibility_times.minutes, files, normals });
+            sunlight.times = visibility_times.hours.len();
+            sunlight.kept = Some(visibility_baker.folder().to_owned());
             Ok(sunlight)
         })
     }
@@ -519,7 +528,13 @@ pub fn with_worker<T>(
     let Prepared { scene, geometry, plan, .. } = prepared;
     let lights = plan.lights(scene, geometry, layers);
     let bins = FaceBins::new(atlas);
-    let rays = prepared.rays()?;
-    let transport = Transport::new(prepared.space(&rays), &lights, scene.bake.bounces);
-    work(Worker { transport, atlas, bins: &bins, seed: scene.bake.seed, certain: certain(&prepared.limits) })
+    let ray_tracer = prepared.ray_tracer()?;
+    let transport = Transport::new(prepared.space(&ray_tracer), &lights, scene.bake.bounces);
+    work(Worker {
+        transport,
+        atlas,
+        bins: &bins,
+        seed: scene.bake.seed,
+        guaranteed_samples: guaranteed_samples(&prepared.limits),
+    })
 }

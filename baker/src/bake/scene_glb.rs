@@ -17,7 +17,7 @@ use crate::geometry::{File, Geometry, Source};
 use crate::{Error, Result};
 use carry::{Carried, MaterialKey, asset};
 use container::Glb;
-use dataset::config::Instance as Place;
+use dataset::config::Instance;
 use glam::{DAffine3, DVec3, Vec2};
 use primitive::{Layout, Own};
 use serde_json::{Map, Value, json};
@@ -38,7 +38,7 @@ pub struct Written {
     /// The file.
     pub glb: Vec<u8>,
     /// For the manifest.
-    pub places: Vec<Place>,
+    pub instances: Vec<Instance>,
 }
 
 /// Writes every placed file as a node that holds the file's own.
@@ -163,7 +163,7 @@ impl Writer<'_> {
             }
             for &old in &asset.nodes {
                 let mut node = self.carried.node(object.file, old, asset);
-                forget_places(&mut node);
+                remove_lightmap_extras(&mut node);
                 let new = self.push(node);
                 new_from_old.insert(old, new);
             }
@@ -280,7 +280,7 @@ impl Writer<'_> {
         let geometry = self.geometry;
         let (source, instance) = (&geometry.originals.sources[i], &geometry.instances[i]);
         let file = geometry.originals.objects[source.object].file;
-        let look = geometry.material_of[instance.triangles.start];
+        let material_index = geometry.material_of[instance.triangles.start];
         let mesh = &geometry.originals.files[file].meshes[source.mesh];
         let of = (file, mesh.material);
         let placements = &self.atlas.placements[i];
@@ -289,8 +289,8 @@ impl Writer<'_> {
             None => Some(MaterialKey {
                 of,
                 original: None,
-                look: Some(look),
-                emission: Some(look),
+                material_index: Some(material_index),
+                emission: Some(material_index),
                 is_recoloured: source.changed.colour,
                 moved: None,
             }),
@@ -299,8 +299,8 @@ impl Writer<'_> {
                 let original = root["meshes"][number]["primitives"][primitive]["material"].as_u64();
                 let original = original.map(|index| (file, index as usize));
                 let changed = source.changed;
-                let emission = changed.emission.then_some(look);
-                let look = changed.surface.then_some(look);
+                let emission = changed.emission.then_some(material_index);
+                let material_index = changed.surface.then_some(material_index);
                 let reads =
                     original.is_some_and(|(_, index)| carry::reads_second_set(&root["materials"][index]));
                 let sets = mesh.attributes.iter().filter(|a| a.name.starts_with("TEXCOORD_")).count() as u32;
@@ -310,14 +310,16 @@ impl Writer<'_> {
                 } else {
                     1
                 });
-                (original.is_some() || look.is_some() || emission.is_some()).then_some(MaterialKey {
-                    of,
-                    original,
-                    look,
-                    emission,
-                    is_recoloured: changed.colour,
-                    moved,
-                })
+                (original.is_some() || material_index.is_some() || emission.is_some()).then_some(
+                    MaterialKey {
+                        of,
+                        original,
+                        material_index,
+                        emission,
+                        is_recoloured: changed.colour,
+                        moved,
+                    },
+                )
             }
         };
         let key = |part| (file, source.mesh, part, material);
@@ -402,7 +404,7 @@ impl Writer<'_> {
     }
 
     fn finish(mut self, roots: &[usize]) -> Result<Written> {
-        let places = self.nodes.iter().filter_map(place_of).collect();
+        let instances = self.nodes.iter().filter_map(instance_of).collect();
         let originals = &self.geometry.originals;
         let mut header =
             json!({ "version": "2.0", "generator": concat!("bake ", env!("CARGO_PKG_VERSION")) });
@@ -447,7 +449,7 @@ impl Writer<'_> {
         root["extensionsUsed"] = json!(used);
         root["extensionsRequired"] = json!(required);
         let glb = self.out.finish(&without_empty(root))?;
-        Ok(Written { glb, places })
+        Ok(Written { glb, instances })
     }
 }
 
@@ -457,16 +459,16 @@ fn scene_name(file: &File) -> Option<&str> {
 }
 
 /// What a node tells of its place on the page.
-fn place_of(node: &Map<String, Value>) -> Option<Place> {
+fn instance_of(node: &Map<String, Value>) -> Option<Instance> {
     let extras = node.get("extras")?;
     let pair = |key: &str| serde_json::from_value(extras.get(key)?.clone()).ok();
     let page = u32::try_from(extras.get("lightmapPage")?.as_u64()?).ok()?;
     let name = node.get("name").and_then(Value::as_str).unwrap_or("").to_owned();
-    Some(Place { name, page, scale: pair("lightmapScale")?, offset: pair("lightmapOffset")? })
+    Some(Instance { name, page, scale: pair("lightmapScale")?, offset: pair("lightmapOffset")? })
 }
 
 /// Takes out of a node what it told of an earlier lightmap.
-fn forget_places(node: &mut Map<String, Value>) {
+fn remove_lightmap_extras(node: &mut Map<String, Value>) {
     let Some(extras) = node.get_mut("extras").and_then(Value::as_object_mut) else { return };
     ["lightmapScale", "lightmapOffset", "lightmapPage"].iter().for_each(|key| drop(extras.remove(*key)));
     if extras.is_empty() {

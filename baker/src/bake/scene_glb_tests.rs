@@ -82,11 +82,11 @@ fn shown(glb: &gltf::Gltf) -> Vec<Shown> {
     all
 }
 
-fn read(geometry: &Geometry, atlas: &Atlas) -> (gltf::Gltf, Value, Vec<Place>) {
+fn read(geometry: &Geometry, atlas: &Atlas) -> (gltf::Gltf, Value, Vec<Instance>) {
     let written = to_glb(geometry, atlas).unwrap();
     let length = u32::from_le_bytes(written.glb[12..16].try_into().unwrap()) as usize;
     let root = serde_json::from_slice(&written.glb[20..20 + length]).unwrap();
-    (gltf::Gltf::from_slice_without_validation(&written.glb).unwrap(), root, written.places)
+    (gltf::Gltf::from_slice_without_validation(&written.glb).unwrap(), root, written.instances)
 }
 
 /// Every triangle of an instance, in space and on the page, is where the geometry and the atlas say.

@@ -1,14 +1,15 @@
 //! Fills the cache: the irradiance of every layer, all bounces, at every entry.
 //!
 //! Its entries are laid out; a few paths from each (`solver_paths`) give a source, their own light and the
-//! entry's direct light, and the entries they land on; the balance of all of them (`balance`) is the light.
+//! entry's direct light, and the entries they land on; the balance of all of them (`cache_system`) is the
+//! light.
 
 use super::block::{Worker, sum};
-use super::cache_system::{LEAST_PATHS, ORDINARY_PATHS, Solution, System, paths_per_entry};
-use super::endless;
+use super::cache_system::{CacheSystem, LEAST_PATHS, ORDINARY_PATHS, Solution, paths_per_entry};
+use super::endless_light;
 use super::indirect::Cache;
 use super::solver_paths::trace;
-use super::state::{ALL_PROBES, BlockState, is_exposed};
+use super::state::{ALL_PROBES, BlockState, is_usable};
 use super::work::{CACHE, WorkFolder};
 use crate::Result;
 use crate::surface::{BLOCK, BlockSurface};
@@ -19,27 +20,27 @@ use crate::trace::space::Receiver;
 use dataset::observe::Observer;
 
 /// Memory that the cache and its solution may take, about.
-const MEMORY: u64 = 4 << 30;
+const MOST_MEMORY: u64 = 4 << 30;
 
 /// log₂ of the side of the largest entries: no entry may lie in two blocks.
-const LARGEST: u32 = BLOCK.ilog2();
+const LARGEST_SHIFT: u32 = BLOCK.ilog2();
 
 /// log₂ of the side of the cache's entries, so that those of lightmapped surfaces and their solution take
 /// about 4 GiB at most: 0 up to about 1600² texels of 34 layers. (Whatever the samples, for they are no part
 /// of what an entry is.)
 pub fn shift(covered: usize, layers: usize) -> u32 {
-    (0..LARGEST).find(|shift| covered >> (2 * shift) <= most_entries(layers)).unwrap_or(LARGEST)
+    (0..LARGEST_SHIFT).find(|shift| covered >> (2 * shift) <= most_entries(layers)).unwrap_or(LARGEST_SHIFT)
 }
 
 /// Entries that take that much memory: patches are made only as far as there is room for them.
 pub fn most_entries(layers: usize) -> usize {
-    (MEMORY / bytes(1, layers, ORDINARY_PATHS)) as usize
+    (MOST_MEMORY / bytes(1, layers, ORDINARY_PATHS)) as usize
 }
 
 /// Memory in bytes that this number of entries takes while they are solved for: both halves, what the passes
 /// hold, and their system with `paths` per entry.
 pub fn bytes(entries: usize, layers: usize, paths: usize) -> u64 {
-    (entries * (5 * CacheHalf::bytes_per_entry(layers) + System::bytes_per_entry(layers, paths))) as u64
+    (entries * (5 * CacheHalf::bytes_per_entry(layers) + CacheSystem::bytes_per_entry(layers, paths))) as u64
 }
 
 /// What is found out about a block before the cache is laid out.
@@ -54,18 +55,18 @@ pub struct Covered {
 /// Of a block whose texels were probed. Those that reach across a wall stand for one side of it: a path that
 /// lands on the other must not carry its light through the wall.
 pub fn covered(worker: &Worker, surface: &BlockSurface, probes: &[u16]) -> Covered {
-    let place = |texel: usize| surface.page_index(worker.atlas, texel) as u32;
+    let page_index = |texel: usize| surface.page_index(worker.atlas, texel) as u32;
     let mut found = Covered {
-        texels: surface.covered().map(place).collect(),
+        texels: surface.covered().map(page_index).collect(),
         split: Vec::new(),
         counts: RayCounts::default(),
     };
     for (texel, &probes) in surface.covered().zip(probes).filter(|(_, o)| **o != ALL_PROBES) {
         // (What counts as no surface is not solved for: a path that lands there goes on.)
-        if !is_exposed(probes) {
-            found.split.push((place(texel), Vec::new()));
+        if !is_usable(probes) {
+            found.split.push((page_index(texel), Vec::new()));
         } else if worker.is_split(surface, texel, probes, &mut found.counts) {
-            found.split.push((place(texel), worker.surface_points(surface, texel, probes)));
+            found.split.push((page_index(texel), worker.surface_points(surface, texel, probes)));
         }
     }
     found
@@ -98,7 +99,7 @@ pub fn fill<'a>(
     let (paths, mut counts) = (paths_per_entry(map.entries(), samples), RayCounts::default());
     let of_patches = if are_all { patch_paths(&map, paths, samples) } else { paths };
     let mut solution = Solution { passes: 0, settled: true };
-    let endless = || endless::error(worker.transport.space.geometry);
+    let endless = || endless_light::error(worker.transport.space.geometry);
     let mut solved = |half| -> Result<CacheHalf> {
         let (system, c) =
             trace(worker, &|block| state(block, half), &map, blocks, (paths, of_patches), half, || {
@@ -157,9 +158,9 @@ mod tests {
         assert_eq!([512, 1500, 2048, 4096, 8192, 16384].map(side), [1, 1, 2, 4, 8, 16]);
         for side in [512, 1500, 2048, 4096, 8192, 16384] {
             let entries = (side * side) >> (2 * shift(side * side, 33));
-            assert!(bytes(entries, 33, ORDINARY_PATHS) <= MEMORY);
+            assert!(bytes(entries, 33, ORDINARY_PATHS) <= MOST_MEMORY);
         }
-        assert!(bytes(most_entries(33), 33, ORDINARY_PATHS) <= MEMORY);
-        assert_eq!(shift(usize::MAX, 33), LARGEST);
+        assert!(bytes(most_entries(33), 33, ORDINARY_PATHS) <= MOST_MEMORY);
+        assert_eq!(shift(usize::MAX, 33), LARGEST_SHIFT);
     }
 }

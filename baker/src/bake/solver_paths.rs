@@ -1,13 +1,13 @@
 //! The paths the cache is solved on: a few from each of its entries.
 
 use super::block::{Stream, Worker, sum};
-use super::cache_system::{NOWHERE, PathEnd, System};
+use super::cache_system::{CacheSystem, NO_ENTRY, PathEnd};
 use super::state::BlockState;
 use crate::surface::SurfacePoint;
 use crate::trace::cache::{CacheMap, Patch};
 use crate::trace::counts::RayCounts;
 use crate::trace::path::{Arrival, point_pair};
-use crate::trace::sampler::{Kind, Sample, Sequence};
+use crate::trace::sampler::{Sample, Sequence, SequenceKind};
 use crate::trace::space::Receiver;
 use crate::{Result, Rgb};
 use dataset::console::stop_if_interrupted;
@@ -26,15 +26,15 @@ pub fn trace(
     (paths, of_patches): (usize, usize),
     half: usize,
     each: impl Fn() + Sync,
-) -> Result<(System, RayCounts)> {
+) -> Result<(CacheSystem, RayCounts)> {
     let layers = worker.transport.lights.layers();
     let n = map.entries();
-    let system = Mutex::new(System {
+    let system = Mutex::new(CacheSystem {
         layers,
         source: vec![Rgb::ZERO; n * layers],
         paths,
-        path_ends: vec![NOWHERE; n * paths],
-        share: vec![0.0; n],
+        path_ends: vec![NO_ENTRY; n * paths],
+        inverse_path_count: vec![0.0; n],
     });
     let keep = |traced: Vec<TracedEntry>| {
         let mut counts = RayCounts::default();
@@ -43,7 +43,7 @@ pub fn trace(
             let e = entry.entry as usize;
             system.source[e * layers..(e + 1) * layers].copy_from_slice(&entry.source);
             system.path_ends[e * paths..][..entry.path_ends.len()].copy_from_slice(&entry.path_ends);
-            system.share[e] = entry.share;
+            system.inverse_path_count[e] = entry.inverse_path_count;
             counts += entry.counts;
         }
         counts
@@ -73,7 +73,7 @@ struct TracedEntry {
     entry: u32,
     source: Vec<Rgb>,
     path_ends: Vec<PathEnd>,
-    share: f32,
+    inverse_path_count: f32,
     counts: RayCounts,
 }
 
@@ -87,11 +87,11 @@ fn trace_block(
     let surface = worker.surface(block);
     let covered: Vec<usize> = surface.covered().collect();
     let lights = worker.transport.lights;
-    // The exposed texels of each entry, as (entry, texel of the block's file).
+    // The usable texels of each entry, as (entry, texel of the block's file).
     let mut texels: Vec<(u32, usize)> = covered
         .iter()
         .enumerate()
-        .filter(|&(i, _)| state.is_exposed(i))
+        .filter(|&(i, _)| state.is_usable(i))
         .filter_map(|(i, &t)| Some((map.of_texel(surface.page_index(worker.atlas, t))?, i)))
         .collect();
     texels.sort_unstable();
@@ -135,7 +135,7 @@ fn trace_patches(
     let lights = worker.transport.lights;
     let one = |patch: &Patch| {
         let sequence =
-            Sequence::new(worker.seed, Kind::Patch, patch.entry, Stream::Solver as u32 + half as u32);
+            Sequence::new(worker.seed, SequenceKind::Patch, patch.entry, Stream::Solver as u32 + half as u32);
         let at = |sample: Sample| {
             let barycentric = patch.sample(point_pair(sample));
             let point = SurfacePoint { triangle: patch.triangle, barycentric };
@@ -146,8 +146,8 @@ fn trace_patches(
         for i in 0..direct {
             let sample = sequence.sample((paths + i) as u32);
             let Some(at) = at(sample) else { continue };
-            let share = Rgb::splat(1.0 / direct as f32);
-            worker.transport.add_direct(&at, share, sample, 0, &mut source, &mut counts);
+            let inverse_path_count = Rgb::splat(1.0 / direct as f32);
+            worker.transport.add_direct(&at, inverse_path_count, sample, 0, &mut source, &mut counts);
         }
         let start = |i: usize, _: &mut RayCounts| {
             let sample = sequence.sample(i as u32);
@@ -171,18 +171,18 @@ fn follow(
 ) -> TracedEntry {
     let mut counts = RayCounts::default();
     let (mut path_ends, mut followed) = (Vec::new(), 0);
-    let mut met = vec![Rgb::ZERO; source.len()];
+    let mut found = vec![Rgb::ZERO; source.len()];
     for i in 0..paths {
         let Some((at, sample)) = start(i, &mut counts) else { continue };
         followed += 1;
-        let land = |at: &Arrival, _: &mut [Rgb], counts: &mut RayCounts| {
+        let on_arrival = |at: &Arrival, _: &mut [Rgb], counts: &mut RayCounts| {
             let entry = map.entry(&worker.transport.space, &at.hit, at.is_back, counts);
             path_ends.extend(entry.map(|entry| PathEnd { entry, weight: at.weight.to_array() }));
             entry.is_some()
         };
-        worker.transport.indirect(&at, sample, land, &mut met, None, &mut counts);
+        worker.transport.indirect(&at, sample, on_arrival, &mut found, None, &mut counts);
     }
-    let share = if followed > 0 { 1.0 / followed as f32 } else { 0.0 };
-    source.iter_mut().zip(&met).for_each(|(s, m)| *s += *m * share);
-    TracedEntry { entry, source, path_ends, share, counts }
+    let inverse_path_count = if followed > 0 { 1.0 / followed as f32 } else { 0.0 };
+    source.iter_mut().zip(&found).for_each(|(s, m)| *s += *m * inverse_path_count);
+    TracedEntry { entry, source, path_ends, inverse_path_count, counts }
 }

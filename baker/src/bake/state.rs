@@ -16,7 +16,7 @@ pub const PROBES: u32 = 16;
 pub const ALL_PROBES: u16 = u16::MAX;
 
 /// Whether so many probed points are a texel's surface that it counts.
-pub fn is_exposed(probes: u16) -> bool {
+pub fn is_usable(probes: u16) -> bool {
     is_enough(probes.count_ones())
 }
 
@@ -92,10 +92,10 @@ pub struct BlockState {
     pub direct: Vec<Direct>,
     /// `[texel][sampled light]`: pilot samples, by which it is decided how many are wanted; empty before they
     /// are drawn and after the decision.
-    pub pilot: Vec<Direct>,
+    pub pilot_samples: Vec<Direct>,
     /// `[texel][sampled light]`: how many direct samples are wanted, decided once (see [`super::direct`]);
     /// empty before that.
-    pub wants: Vec<u8>,
+    pub direct_budgets: Vec<u8>,
     /// Per texel, log₂ of how many times the mean number of samples (the page's, or towards a target its
     /// cell's) it gets of indirect light ([`super::allocate`]); empty before that is decided.
     pub log2_shares: Vec<i8>,
@@ -106,67 +106,68 @@ pub struct BlockState {
     /// `[texel][half][layer]`: sums of irradiance samples, without what comes straight from sampled lights.
     pub sums: Vec<Rgb>,
     /// `[texel][half][light that paths can meet]`: sums of what they met of it straight from their start
-    /// ([`Lights::layers_of_met`]), which is no part of `sums`.
-    pub met: Vec<Rgb>,
+    /// ([`Lights::layers_of_hit_lights`]), which is no part of `sums`.
+    pub hit_sums: Vec<Rgb>,
 }
 
 /// What a block holds sums of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Kinds {
+pub struct SumKinds {
     /// Layers.
     pub layers: usize,
     /// Lights that are sampled from a point.
     pub sampled: usize,
     /// Lights that paths can meet, whose light is summed apart.
-    pub met: usize,
+    pub hit_lights: usize,
 }
 
-impl Kinds {
+impl SumKinds {
     /// Those of some lights.
     pub fn of(lights: &Lights) -> Self {
-        Kinds { layers: lights.layers(), sampled: lights.sampled(), met: lights.met() }
+        SumKinds { layers: lights.layers(), sampled: lights.sampled(), hit_lights: lights.hit_lights() }
     }
 }
 
 impl BlockState {
     /// No samples yet.
-    pub fn empty(texels: usize, kinds: Kinds) -> Self {
-        let Kinds { layers, sampled, met } = kinds;
+    pub fn empty(texels: usize, kinds: SumKinds) -> Self {
+        let SumKinds { layers, sampled, hit_lights } = kinds;
         BlockState {
             round: 0,
             probes: Vec::new(),
             direct: vec![Direct::default(); texels * 2 * sampled],
-            pilot: Vec::new(),
-            wants: Vec::new(),
+            pilot_samples: Vec::new(),
+            direct_budgets: Vec::new(),
             log2_shares: Vec::new(),
             drawn: vec![0; texels],
             taken: vec![[0; 2]; texels],
             sums: vec![Rgb::ZERO; texels * 2 * layers],
-            met: vec![Rgb::ZERO; texels * 2 * met],
+            hit_sums: vec![Rgb::ZERO; texels * 2 * hit_lights],
         }
     }
 
     /// Whether enough of a texel's probed points are its surface for it to count.
-    pub fn is_exposed(&self, texel: usize) -> bool {
-        is_exposed(self.probes.get(texel).copied().unwrap_or(0))
+    pub fn is_usable(&self, texel: usize) -> bool {
+        is_usable(self.probes.get(texel).copied().unwrap_or(0))
     }
 
-    /// Sums of the pilot samples' mean direct light of each light over the exposed texels, and how many those
+    /// Sums of the pilot samples' mean direct light of each light over the usable texels, and how many those
     /// are.
-    pub fn trial_sums(&self, lights: usize) -> (Vec<f64>, f64) {
+    pub fn pilot_sums(&self, lights: usize) -> (Vec<f64>, f64) {
         let mut sums = vec![0.0; lights];
-        let pilot = self.pilot.chunks(lights.max(1)).enumerate().filter(|(texel, _)| self.is_exposed(*texel));
-        for (_, pilot) in pilot {
-            sums.iter_mut().zip(pilot).for_each(|(s, d)| *s += f64::from(d.mean().element_sum()));
+        let pilot_samples =
+            self.pilot_samples.chunks(lights.max(1)).enumerate().filter(|(texel, _)| self.is_usable(*texel));
+        for (_, pilot_samples) in pilot_samples {
+            sums.iter_mut().zip(pilot_samples).for_each(|(s, d)| *s += f64::from(d.mean().element_sum()));
         }
-        let exposed = (0..self.taken.len()).filter(|&t| self.is_exposed(t)).count();
-        (sums, exposed as f64)
+        let usable = (0..self.taken.len()).filter(|&t| self.is_usable(t)).count();
+        (sums, usable as f64)
     }
 
     /// The estimate of what lightmaps hold of each layer at a texel, by one half.
     pub fn means(&self, texel: usize, half: usize, lights: &Lights, out: &mut [Rgb]) {
         self.indirect(texel, half, lights, out);
-        self.add_direct(texel, half, lights, |layer| lights.straight[layer], out);
+        self.add_direct(texel, half, lights, |layer| lights.holds_direct[layer], out);
     }
 
     /// The estimate of each layer at a texel by one half, but for what comes straight from sampled lights.
@@ -195,10 +196,10 @@ impl BlockState {
                 out[layer] += direct.mean();
             }
         }
-        let from = (texel * 2 + half) * lights.met();
+        let from = (texel * 2 + half) * lights.hit_lights();
         let scale = 1.0 / (self.taken[texel][half].max(1) as f32);
-        for (layer, place) in lights.layers_of_met().filter(|(layer, _)| wanted(*layer)) {
-            out[layer] += self.met[from + place] * scale;
+        for (layer, place) in lights.layers_of_hit_lights().filter(|(layer, _)| wanted(*layer)) {
+            out[layer] += self.hit_sums[from + place] * scale;
         }
     }
 }
@@ -222,8 +223,8 @@ const DRAWN: u32 = 16;
 impl BlockState {
     /// What [`BlockState::to_bytes`] gave for a block of so many texels and these kinds of sums; `None` where
     /// the bytes are of another.
-    pub fn from_bytes(bytes: &[u8], texels: usize, kinds: Kinds) -> Option<BlockState> {
-        let Kinds { layers, sampled, met } = kinds;
+    pub fn from_bytes(bytes: &[u8], texels: usize, kinds: SumKinds) -> Option<BlockState> {
+        let SumKinds { layers, sampled, hit_lights } = kinds;
         let mut state = BlockState::empty(texels, kinds);
         let (header, packed) = bytes.split_at_checked(HEADER)?;
         let word = |i: usize| {
@@ -231,12 +232,13 @@ impl BlockState {
             Some(u32::from_le_bytes(header.get(at..at + 4)?.try_into().ok()?))
         };
         let fits = header.starts_with(MAGIC)
-            && [word(1)?, word(2)?, word(3)?, word(4)?] == [texels, layers, sampled, met].map(|n| n as u32);
+            && [word(1)?, word(2)?, word(3)?, word(4)?]
+                == [texels, layers, sampled, hit_lights].map(|n| n as u32);
         let (known, records) = (word(5)?, texels * sampled);
         let held = |bit: u32, n: usize| if known & bit == bit { n } else { 0 };
         state.probes = vec![0; held(PROBED, texels)];
-        state.pilot = vec![Direct::default(); held(PILOT, records)];
-        state.wants = vec![0; held(DECIDED, records)];
+        state.pilot_samples = vec![Direct::default(); held(PILOT, records)];
+        state.direct_budgets = vec![0; held(DECIDED, records)];
         state.log2_shares = vec![0; held(SHARED, texels)];
         state.round = word(0)?;
         if !fits {
@@ -249,19 +251,19 @@ impl BlockState {
     }
 
     /// For keeping it, in the byte order of the machine: work in progress does not travel.
-    pub fn to_bytes(&self, kinds: Kinds) -> Vec<u8> {
-        let Kinds { layers, sampled, met } = kinds;
+    pub fn to_bytes(&self, kinds: SumKinds) -> Vec<u8> {
+        let SumKinds { layers, sampled, hit_lights } = kinds;
         let known = [
             (PROBED, !self.probes.is_empty()),
-            (PILOT, !self.pilot.is_empty()),
-            (DECIDED, !self.wants.is_empty()),
+            (PILOT, !self.pilot_samples.is_empty()),
+            (DECIDED, !self.direct_budgets.is_empty()),
             (SHARED, !self.log2_shares.is_empty()),
             (DRAWN, self.drawn.iter().any(|&drawn| drawn > 0)),
         ];
         let known = known.into_iter().filter(|(_, is_there)| *is_there).fold(0, |bits, (bit, _)| bits | bit);
         let texels = self.taken.len();
         let mut bytes = Vec::from(MAGIC);
-        for word in [self.round, texels as u32, layers as u32, sampled as u32, met as u32, known] {
+        for word in [self.round, texels as u32, layers as u32, sampled as u32, hit_lights as u32, known] {
             bytes.extend_from_slice(&word.to_le_bytes());
         }
         columns::pack(&self.arrays(known), texels, &mut bytes);
@@ -273,8 +275,8 @@ impl BlockState {
         let mut arrays = vec![
             bytemuck::cast_slice(&self.probes),
             bytemuck::cast_slice(&self.direct),
-            bytemuck::cast_slice(&self.pilot),
-            &self.wants[..],
+            bytemuck::cast_slice(&self.pilot_samples),
+            &self.direct_budgets[..],
             bytemuck::cast_slice(&self.log2_shares),
         ];
         if known & DRAWN == DRAWN {
@@ -282,7 +284,7 @@ impl BlockState {
                 bytemuck::cast_slice(&self.drawn),
                 bytemuck::cast_slice(&self.taken),
                 bytemuck::cast_slice(&self.sums),
-                bytemuck::cast_slice(&self.met),
+                bytemuck::cast_slice(&self.hit_sums),
             ]);
         }
         arrays
@@ -293,8 +295,8 @@ impl BlockState {
         let mut arrays = vec![
             bytemuck::cast_slice_mut(&mut self.probes),
             bytemuck::cast_slice_mut(&mut self.direct),
-            bytemuck::cast_slice_mut(&mut self.pilot),
-            &mut self.wants[..],
+            bytemuck::cast_slice_mut(&mut self.pilot_samples),
+            &mut self.direct_budgets[..],
             bytemuck::cast_slice_mut(&mut self.log2_shares),
         ];
         if known & DRAWN == DRAWN {
@@ -302,7 +304,7 @@ impl BlockState {
                 bytemuck::cast_slice_mut(&mut self.drawn),
                 bytemuck::cast_slice_mut(&mut self.taken),
                 bytemuck::cast_slice_mut(&mut self.sums),
-                bytemuck::cast_slice_mut(&mut self.met),
+                bytemuck::cast_slice_mut(&mut self.hit_sums),
             ]);
         }
         arrays
@@ -313,7 +315,7 @@ impl BlockState {
 mod tests {
     use super::*;
 
-    const KINDS: Kinds = Kinds { layers: 3, sampled: 2, met: 1 };
+    const KINDS: SumKinds = SumKinds { layers: 3, sampled: 2, hit_lights: 1 };
 
     #[test]
     fn a_block_reads_back_whole() {
@@ -322,11 +324,11 @@ mod tests {
         state.log2_shares = vec![-1, 0, 1, 3];
         state.drawn = vec![1, 2, 4, 16];
         state.probes = vec![1, 2, 3, 16];
-        state.pilot = vec![Direct { drawn: 3, ..Direct::default() }; 8];
-        state.wants = vec![1; 8];
+        state.pilot_samples = vec![Direct { drawn: 3, ..Direct::default() }; 8];
+        state.direct_budgets = vec![1; 8];
         state.taken = vec![[1, 2], [3, 4], [5, 6], [7, 8]];
         state.direct[7].add(Rgb::new(1.0, 2.0, 3.0));
-        state.met[5] = Rgb::new(0.5, 0.25, 2.0);
+        state.hit_sums[5] = Rgb::new(0.5, 0.25, 2.0);
         for (i, s) in state.sums.iter_mut().enumerate() {
             *s = Rgb::new(i as f32, 0.5 * i as f32, -1.0);
         }
@@ -335,9 +337,9 @@ mod tests {
         // One of another size, or cut short, is not taken for it.
         let others = [
             (3, KINDS),
-            (4, Kinds { layers: 2, ..KINDS }),
-            (4, Kinds { sampled: 1, ..KINDS }),
-            (4, Kinds { met: 2, ..KINDS }),
+            (4, SumKinds { layers: 2, ..KINDS }),
+            (4, SumKinds { sampled: 1, ..KINDS }),
+            (4, SumKinds { hit_lights: 2, ..KINDS }),
         ];
         for (texels, kinds) in others {
             assert_eq!(BlockState::from_bytes(&bytes, texels, kinds), None);

@@ -3,13 +3,13 @@
 
 use super::errors::{Parts, Sums};
 use super::layers::{FilteredLayer, Layers, Part, Texel};
-use super::local::{Local, Pieces, Places};
-use super::unconverged::UnconvergedCells;
+use super::local::{CellMap, LocalErrorSummary, Pieces};
+use super::unconverged::{TargetJudgement, UnconvergedCells};
 use super::value::Value;
 use crate::Result;
 
 /// Some layers of a page, and the frames that are made of them.
-pub struct Light<'a> {
+pub struct StoredLight<'a> {
     /// Where they are kept.
     pub folder: &'a Layers,
     /// Per layer its digest, the parts that lightmaps hold, and what a filter left of it.
@@ -21,20 +21,12 @@ pub struct Light<'a> {
     /// Which of them are valid.
     pub valid: Vec<bool>,
     /// Where cells are.
-    pub places: &'a Places,
+    pub cell_map: &'a CellMap,
     /// Width of the page.
     pub width: usize,
 }
 
-/// What came of judging light.
-pub struct Judged {
-    /// The cells that miss the target in some frame.
-    pub unconverged: UnconvergedCells,
-    /// Local errors of all frames together; `None` without light.
-    pub local: Option<Local>,
-}
-
-impl Light<'_> {
+impl StoredLight<'_> {
     /// Error and light of a frame, cell by cell.
     fn cells(&self, frame: usize) -> Result<Vec<Sums>> {
         let mut sum = vec![Value::default(); self.texels.len()];
@@ -49,40 +41,40 @@ impl Light<'_> {
             }
         }
         let indices = self.texels.iter().map(|texel| texel.index as usize);
-        let pieces = Pieces::of_texels(self.places, self.width, indices);
-        let mut cells = vec![Sums::default(); self.places.grid().cells()];
+        let pieces = Pieces::of_texels(self.cell_map, self.width, indices);
+        let mut cells = vec![Sums::default(); self.cell_map.grid().cells()];
         pieces.add_some(|i| self.valid[i].then_some(sum[i]), &mut cells);
         Ok(cells)
     }
 
     /// Per cell, the texels that light could reach.
-    fn exposed(&self) -> Vec<u32> {
-        let mut exposed = vec![0; self.places.grid().cells()];
-        for texel in self.texels.iter().filter(|texel| texel.exposed == 1) {
+    fn usable(&self) -> Vec<u32> {
+        let mut usable = vec![0; self.cell_map.grid().cells()];
+        for texel in self.texels.iter().filter(|texel| texel.usable == 1) {
             let index = texel.index as usize;
-            exposed[self.places.grid().at(index % self.width, index / self.width)] += 1;
+            usable[self.cell_map.grid().at(index % self.width, index / self.width)] += 1;
         }
-        exposed
+        usable
     }
 
     /// Whether a frame misses the target.
-    pub fn is_missed(&self, frame: usize, target: f64) -> Result<bool> {
-        let mut unconverged = UnconvergedCells::none(self.places.grid());
-        unconverged.judge(self.places, target, &self.cells(frame)?, &self.exposed());
+    pub fn misses_target(&self, frame: usize, target: f64) -> Result<bool> {
+        let mut unconverged = UnconvergedCells::none(self.cell_map.grid());
+        unconverged.judge(self.cell_map, target, &self.cells(frame)?, &self.usable());
         Ok(!unconverged.is_met())
     }
 
     /// All frames against the target.
-    pub fn judge(&self, target: f64) -> Result<Judged> {
-        let exposed = self.exposed();
-        let mut unconverged = UnconvergedCells::none(self.places.grid());
+    pub fn judge(&self, target: f64) -> Result<TargetJudgement> {
+        let usable = self.usable();
+        let mut unconverged = UnconvergedCells::none(self.cell_map.grid());
         let mut errors = Vec::new();
         for frame in 0..self.frames.len() {
             let cells = self.cells(frame)?;
-            unconverged.judge(self.places, target, &cells, &exposed);
-            let of_cells = self.places.errors(&cells);
+            unconverged.judge(self.cell_map, target, &cells, &usable);
+            let of_cells = self.cell_map.errors(&cells);
             errors.extend(of_cells.into_iter().zip(&cells).map(|(error, sums)| (error, sums.values / 3)));
         }
-        Ok(Judged { unconverged, local: Local::of(errors.into_iter()) })
+        Ok(TargetJudgement { unconverged, local: LocalErrorSummary::of(errors.into_iter()) })
     }
 }

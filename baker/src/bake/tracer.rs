@@ -7,17 +7,16 @@
 
 use super::allocate::{Class, Histogram, Pivot, classes, distinct, log2_shares};
 use super::block::{Worker, sum};
-use super::endless;
+use super::endless_light;
 use super::errors::{Parts, cell_of};
 use super::indirect::Cache;
-use super::local::{Places, of_block};
-use super::reached::{Done, summarise};
+use super::local::{CellMap, of_block};
+use super::round_summary::{BlockResult, summarise};
 use super::rounds::{Limits, Round, Traced, note, schedule, stops};
 use super::solve::{self, Covered};
 use super::state::{BlockState, CELLS};
 use super::step::Step;
-use super::target::Judged;
-use super::unconverged::UnconvergedCells;
+use super::unconverged::{TargetJudgement, UnconvergedCells};
 use super::work::{DIRECT, PIVOT, ROUNDS, UNSETTLED, WorkFolder};
 use crate::Result;
 use crate::surface::BlockSurface;
@@ -35,7 +34,7 @@ pub struct Tracer<'a> {
     /// Per frame, the layers being traced that it is made of.
     pub frames: Vec<Parts>,
     /// Where its cells are.
-    pub places: &'a Places,
+    pub cell_map: &'a CellMap,
     /// Work so far.
     pub folder: &'a WorkFolder,
     /// Whether paths end in the cache.
@@ -45,22 +44,22 @@ pub struct Tracer<'a> {
 }
 
 /// All that decided what the blocks hold, by which one that is lost is traced again.
-pub struct Way<'t> {
+pub struct BlockHistory<'t> {
     /// The mean of each light over the pilot samples.
     direct_means: Vec<f32>,
     /// The samples whose direct light was drawn before the rounds, to solve the cache from.
-    certain: Option<u32>,
+    guaranteed_samples: Option<u32>,
     /// Whether more samples than those may come.
     has_target: bool,
     cache: Option<Cache<'t>>,
     /// The rounds that every block was brought through.
     steps: Vec<Step>,
     /// Blocks that were traced again.
-    again: AtomicUsize,
+    retraced: AtomicUsize,
 }
 
 /// What came of the steps before the rounds.
-struct Begun {
+struct BeforeRounds {
     direct_means: Vec<f32>,
     /// Blocks that were missing, damaged, or behind the finished rounds.
     lost: Vec<usize>,
@@ -72,7 +71,7 @@ struct Begun {
 }
 
 /// The cache of a run.
-struct Solved<'t> {
+struct SolvedCache<'t> {
     /// `None` where it did not settle.
     cache: Option<Cache<'t>>,
     /// Whether an earlier run solved it.
@@ -80,9 +79,9 @@ struct Solved<'t> {
 }
 
 /// A block as a run finds it.
-struct Standing {
-    trial_sums: Vec<f64>,
-    exposed: f64,
+struct FoundBlock {
+    pilot_sums: Vec<f64>,
+    usable: f64,
     is_lost: bool,
     /// Whether it was decided how many direct samples its texels get.
     is_decided: bool,
@@ -92,24 +91,24 @@ struct Standing {
 }
 
 /// Judges what was traced so far against a target, after denoising.
-pub type Judge<'j> = &'j mut dyn FnMut(&Tracer, &Way, f64) -> Result<Judged>;
+pub type JudgeTarget<'j> = &'j mut dyn FnMut(&Tracer, &BlockHistory, f64) -> Result<TargetJudgement>;
 
 impl Tracer<'_> {
     /// Traces until a limit is reached. Towards a target, `judge` is asked once that may be near.
     pub fn run(
         &self,
         limits: &Limits,
-        mut judge: Option<Judge>,
+        mut judge: Option<JudgeTarget>,
         console: &dyn Observer,
-    ) -> Result<(Traced, Way<'_>)> {
-        if let Some(done) = self.go_on(limits, &mut judge, console)? {
+    ) -> Result<(Traced, BlockHistory<'_>)> {
+        if let Some(done) = self.run_or_resume(limits, &mut judge, console)? {
             return Ok(done);
         }
         console.warn(
             "the unfinished work here cannot be continued, because files that its later steps depend on were lost or damaged: it starts over",
         );
         self.folder.restart()?;
-        self.go_on(limits, &mut judge, console)?.ok_or_else(|| self.folder.changed())
+        self.run_or_resume(limits, &mut judge, console)?.ok_or_else(|| self.folder.changed())
     }
 
     /// Whether there is light for a cache, and one is wanted.
@@ -118,12 +117,12 @@ impl Tracer<'_> {
     }
 
     /// Begins the work, or goes on with it; `None` where what is there does not allow that.
-    fn go_on(
+    fn run_or_resume(
         &self,
         limits: &Limits,
-        judge: &mut Option<Judge>,
+        judge: &mut Option<JudgeTarget>,
         console: &dyn Observer,
-    ) -> Result<Option<(Traced, Way<'_>)>> {
+    ) -> Result<Option<(Traced, BlockHistory<'_>)>> {
         let blocks = self.worker.blocks();
         let rounds: Vec<Round> = self.folder.read(ROUNDS)?.unwrap_or_default();
         let schedule = schedule(limits);
@@ -143,31 +142,34 @@ impl Tracer<'_> {
         // Towards a target or a time limit nobody knows how many rounds there will be: each has a bar of its
         // own.
         let has_target = limits.have_target();
-        let certain = self.worker.certain;
-        let Some(begun) = self.before_rounds(&blocks, traced.resumed as u32, whole as u32, console)? else {
+        let guaranteed_samples = self.worker.guaranteed_samples;
+        let Some(before_rounds) =
+            self.before_rounds(&blocks, traced.resumed as u32, whole as u32, console)?
+        else {
             return Ok(None);
         };
-        traced.rays += begun.rays;
-        let mut way = Way {
-            direct_means: begun.direct_means,
-            certain: None,
+        traced.rays += before_rounds.rays;
+        let mut history = BlockHistory {
+            direct_means: before_rounds.direct_means,
+            guaranteed_samples: None,
             has_target,
             cache: None,
             steps: Vec::new(),
-            again: AtomicUsize::new(0),
+            retraced: AtomicUsize::new(0),
         };
-        let is_begun = begun.furthest > 0 || traced.resumed > 0;
-        let is_beyond_first = begun.furthest > 1 || traced.resumed > 1;
+        let is_begun = before_rounds.furthest > 0 || traced.resumed > 0;
+        let is_beyond_first = before_rounds.furthest > 1 || traced.resumed > 1;
         let mut is_solved = false;
         if self.is_cached() {
             // What the cache is solved from is what its light rests on: as much as is known to be drawn
             // anyway.
-            way.certain = Some(certain);
-            let Some(solved) = self.cache(&blocks, begun.covered, &way, is_begun, console, &mut traced)?
+            history.guaranteed_samples = Some(guaranteed_samples);
+            let Some(solved) =
+                self.cache(&blocks, before_rounds.covered, &history, is_begun, console, &mut traced)?
             else {
                 return Ok(None);
             };
-            (way.cache, is_solved) = (solved.cache, solved.is_kept);
+            (history.cache, is_solved) = (solved.cache, solved.is_kept);
         }
         if traced.resumed > 0 {
             console.say(format!("continuing after {} of an earlier run", count(traced.resumed, "round")));
@@ -175,14 +177,14 @@ impl Tracer<'_> {
         let Some(steps) = self.steps(&traced.rounds[..whole], &schedule, limits, &blocks, console)? else {
             return Ok(None);
         };
-        way.steps = steps;
+        history.steps = steps;
         if traced.resumed > 0 || is_solved {
-            traced.rays += self.retrace(&begun.lost, &way, console)?;
+            traced.rays += self.retrace(&before_rounds.lost, &history, console)?;
         }
         let work = |samples: u32| u64::from(samples) * blocks.len() as u64;
-        let mut progress = console.progress("tracing", work(certain));
+        let mut progress = console.progress("tracing", work(guaranteed_samples));
         // What each block reached in the round before, as far as this run knows.
-        let mut known: Vec<Option<Done>> = blocks.iter().map(|_| None).collect();
+        let mut known: Vec<Option<BlockResult>> = blocks.iter().map(|_| None).collect();
         for (round, &target) in schedule.iter().enumerate() {
             let previous = if round == 0 { 0 } else { schedule[round - 1] };
             if round < traced.resumed {
@@ -212,38 +214,45 @@ impl Tracer<'_> {
             let late = AtomicBool::new(false);
             // Per block sums, merged afterwards in block order: floating-point sums must not depend on the
             // threads.
-            let of_block = |(&block, known): (&usize, Option<Done>)| {
+            let of_block = |(&block, known): (&usize, Option<BlockResult>)| {
                 let surface = self.worker.surface(block);
                 let done = match known.filter(|_| !step.concerns(&surface)) {
-                    Some(known) => Done { rays: RayCounts::default(), ..known },
-                    None => self.block(block, &surface, &step, &way, &late)?,
+                    Some(known) => BlockResult { rays: RayCounts::default(), ..known },
+                    None => self.block(block, &surface, &step, &history, &late)?,
                 };
                 progress.advance(u64::from(target - previous));
                 Ok(done)
             };
-            let done: Vec<Done> = blocks.par_iter().zip(known).map(of_block).collect::<Result<_>>()?;
+            let done: Vec<BlockResult> = blocks.par_iter().zip(known).map(of_block).collect::<Result<_>>()?;
             done.iter().for_each(|block| traced.rays += block.rays);
             if traced.rays.endless > 0 {
-                return Err(endless::error(self.worker.transport.space.geometry));
+                return Err(endless_light::error(self.worker.transport.space.geometry));
             }
-            let mut reached = summarise(self, &done, target, before + start.elapsed().as_secs_f64());
+            let mut reached = summarise(
+                self.worker.atlas,
+                &self.frames,
+                self.cell_map,
+                &done,
+                target,
+                before + start.elapsed().as_secs_f64(),
+            );
             let number = step.round;
             reached.is_late = late.into_inner();
             if !reached.is_late {
-                way.steps.push(Step { deadline: None, ..step });
+                history.steps.push(Step { deadline: None, ..step });
             }
             if let Some(target) = limits.target_error {
                 let mut unconverged = UnconvergedCells::find(
-                    self.places,
+                    self.cell_map,
                     target,
                     self.frames.len(),
-                    done.iter().map(Done::cells),
+                    done.iter().map(BlockResult::cells),
                 );
                 if let Some(judge) = judge
                     && is_worth_denoising(&unconverged, &reached, target)
                 {
                     drop(progress);
-                    let judged = judge(self, &way, target)?;
+                    let judged = judge(self, &history, target)?;
                     progress = console.progress("denoised", 1);
                     progress.advance(1);
                     (unconverged, reached.denoised) = (judged.unconverged, judged.local);
@@ -262,7 +271,7 @@ impl Tracer<'_> {
             self.folder.sync_blocks(&blocks)?;
             self.folder.write(ROUNDS, &traced.rounds)?;
         }
-        Ok(Some((traced, way)))
+        Ok(Some((traced, history)))
     }
 
     /// The round that comes after `rounds`, which goes for `target` samples; `None` where what decides it is
@@ -310,7 +319,7 @@ impl Tracer<'_> {
     /// The cells that were unconverged after a round; `None` where that is not known.
     fn unconverged_after(&self, round: u32) -> Result<Option<UnconvergedCells>> {
         let bytes = self.folder.read_sealed(&unconverged_name(round))?;
-        Ok(bytes.and_then(|bytes| UnconvergedCells::from_bytes(self.places.grid(), &bytes)))
+        Ok(bytes.and_then(|bytes| UnconvergedCells::from_bytes(self.cell_map.grid(), &bytes)))
     }
 
     /// What comes before the rounds: which points are a texel's surface, the pilot samples of its direct
@@ -322,7 +331,7 @@ impl Tracer<'_> {
         finished: u32,
         whole: u32,
         console: &dyn Observer,
-    ) -> Result<Option<Begun>> {
+    ) -> Result<Option<BeforeRounds>> {
         let progress = console.progress("direct light", blocks.len() as u64);
         let lights = self.worker.transport.lights.sampled();
         let is_cached = self.is_cached();
@@ -339,11 +348,11 @@ impl Tracer<'_> {
                 self.folder.write_block(block, &state)?;
             }
             progress.advance(1);
-            let (trial_sums, exposed) = state.trial_sums(lights);
-            let (is_decided, round) = (!state.wants.is_empty(), state.round);
+            let (pilot_sums, usable) = state.pilot_sums(lights);
+            let (is_decided, round) = (!state.direct_budgets.is_empty(), state.round);
             // (The cache is laid out by it. What was probed is at hand now, and is not read again for that.)
             let covered = is_cached.then(|| solve::covered(&self.worker, &surface, &state.probes));
-            Ok(Standing { trial_sums, exposed, is_lost, is_decided, round, rays, covered })
+            Ok(FoundBlock { pilot_sums, usable, is_lost, is_decided, round, rays, covered })
         };
         let mut found = blocks.par_iter().map(of_block).collect::<Result<Vec<_>>>()?;
         let furthest = found.iter().map(|block| block.round).max().unwrap_or(0);
@@ -355,8 +364,8 @@ impl Tracer<'_> {
         }
         let (mut means, mut values) = (vec![0.0; lights], 0.0);
         for block in &found {
-            means.iter_mut().zip(&block.trial_sums).for_each(|(mean, sum)| *mean += sum);
-            values += block.exposed;
+            means.iter_mut().zip(&block.pilot_sums).for_each(|(mean, sum)| *mean += sum);
+            values += block.usable;
         }
         let mean = |sum: &f64| (sum / f64::max(values, 1.0)) as f32;
         let direct_means = match kept {
@@ -367,7 +376,7 @@ impl Tracer<'_> {
         let lost = lost.collect();
         let covered = found.iter_mut().filter_map(|block| block.covered.take()).collect();
         let rays = sum(found.iter().map(|block| block.rays));
-        Ok(Some(Begun { direct_means, lost, furthest, rays, covered }))
+        Ok(Some(BeforeRounds { direct_means, lost, furthest, rays, covered }))
     }
 
     /// Probes a block's texels and draws its pilot samples and its first ones; whether there was anything to
@@ -387,46 +396,46 @@ impl Tracer<'_> {
         &self,
         blocks: &[usize],
         covered: Vec<Covered>,
-        way: &Way,
+        history: &BlockHistory,
         is_begun: bool,
         console: &dyn Observer,
         traced: &mut Traced,
-    ) -> Result<Option<Solved<'_>>> {
+    ) -> Result<Option<SolvedCache<'_>>> {
         // A run that continues finds more direct light than the solver did: it must not try again.
         if let Some(passes) = self.folder.read(UNSETTLED)? {
             traced.without_cache(passes);
-            return Ok(Some(Solved { cache: None, is_kept: true }));
+            return Ok(Some(SolvedCache { cache: None, is_kept: true }));
         }
         let (map, counts) = solve::map(&self.worker, covered, self.layers);
         traced.rays += counts;
         let layers = self.worker.transport.lights.layers();
         if let Some(halves) = solve::load(self.folder, map.entries(), layers)? {
             let cache = Some(Cache::new(&self.worker, map, halves));
-            return Ok(Some(Solved { cache, is_kept: true }));
+            return Ok(Some(SolvedCache { cache, is_kept: true }));
         }
         if is_begun {
             return Ok(None);
         }
-        let samples = way.certain.unwrap_or(0);
+        let samples = history.guaranteed_samples.unwrap_or(0);
         // The first half is traced block by block, as more direct light comes to it; the second reads what
         // that left.
         let refined = |block: usize, half: usize| match half {
-            0 => self.refine_direct(block, samples, &way.direct_means),
+            0 => self.refine_direct(block, samples, &history.direct_means),
             _ => Ok((
                 self.folder.expect_block(block, self.worker.surface(block).covered().count())?,
                 RayCounts::default(),
             )),
         };
         let (cache, solution, counts) =
-            solve::fill(&self.worker, &refined, map, blocks, (samples, !way.has_target), console)?;
+            solve::fill(&self.worker, &refined, map, blocks, (samples, !history.has_target), console)?;
         traced.rays += counts;
         if !solution.settled {
             self.folder.write(UNSETTLED, &solution.passes)?;
             traced.without_cache(solution.passes);
-            return Ok(Some(Solved { cache: None, is_kept: false }));
+            return Ok(Some(SolvedCache { cache: None, is_kept: false }));
         }
         solve::store(self.folder, &cache.halves)?;
-        Ok(Some(Solved { cache: Some(cache), is_kept: false }))
+        Ok(Some(SolvedCache { cache: Some(cache), is_kept: false }))
     }
 
     /// Brings the direct light of a block to the samples that go with `samples` of indirect light.
@@ -460,16 +469,16 @@ impl Tracer<'_> {
     }
 
     /// Brings blocks that were lost through the way of all others.
-    fn retrace(&self, lost: &[usize], way: &Way, console: &dyn Observer) -> Result<RayCounts> {
+    fn retrace(&self, lost: &[usize], history: &BlockHistory, console: &dyn Observer) -> Result<RayCounts> {
         let progress = console.progress("tracing again", lost.len() as u64);
         let of_block = |&block: &usize| {
             let mut rays = RayCounts::default();
-            self.block_state(block, &self.worker.surface(block), way, &mut rays)?;
+            self.block_state(block, &self.worker.surface(block), history, &mut rays)?;
             progress.advance(1);
             Ok(rays)
         };
         let rays = sum(lost.par_iter().map(of_block).collect::<Result<Vec<_>>>()?);
-        way.tell(console);
+        history.report_retraced(console);
         Ok(rays)
     }
 
@@ -478,7 +487,7 @@ impl Tracer<'_> {
         &self,
         block: usize,
         surface: &BlockSurface,
-        way: &Way,
+        history: &BlockHistory,
         rays: &mut RayCounts,
     ) -> Result<BlockState> {
         stop_if_interrupted()?;
@@ -487,8 +496,10 @@ impl Tracer<'_> {
         let is_whole = |state: &BlockState| {
             // (Of a block that has no round yet, the direct light may be less than what the cache was solved
             // from.)
-            let is_refined = way.certain.is_none() || !state.wants.is_empty() || state.direct.is_empty();
-            let mut left = way.steps.iter().skip(state.round as usize);
+            let is_refined = history.guaranteed_samples.is_none()
+                || !state.direct_budgets.is_empty()
+                || state.direct.is_empty();
+            let mut left = history.steps.iter().skip(state.round as usize);
             is_refined && !left.any(|step| step.concerns(surface))
         };
         let mut state = match found {
@@ -496,13 +507,14 @@ impl Tracer<'_> {
             Some(state) => state,
             None => self.folder.empty_block(texels),
         };
-        way.again.fetch_add(1, Ordering::Relaxed);
+        history.retraced.fetch_add(1, Ordering::Relaxed);
         self.first_light(surface, &mut state, rays);
-        if let Some(samples) = way.certain {
-            *rays += self.worker.more_direct(surface, &mut state, &[true; CELLS], samples, &way.direct_means);
+        if let Some(samples) = history.guaranteed_samples {
+            *rays +=
+                self.worker.more_direct(surface, &mut state, &[true; CELLS], samples, &history.direct_means);
         }
-        for step in way.steps.iter().skip(state.round as usize) {
-            self.bring(block, surface, &mut state, step, way, rays);
+        for step in history.steps.iter().skip(state.round as usize) {
+            self.bring(block, surface, &mut state, step, history, rays);
         }
         stop_if_interrupted()?;
         self.folder.write_block(block, &state)?;
@@ -516,7 +528,7 @@ impl Tracer<'_> {
         surface: &BlockSurface,
         state: &mut BlockState,
         step: &Step,
-        way: &Way,
+        history: &BlockHistory,
         rays: &mut RayCounts,
     ) -> bool {
         if let (Some(means), true) = (&step.first_means, state.log2_shares.is_empty()) {
@@ -526,8 +538,9 @@ impl Tracer<'_> {
         let active = step.active(surface);
         let mut is_late = false;
         for samples in step.slices().filter(|_| active.contains(&true)) {
-            *rays += self.worker.more_direct(surface, state, &active, samples, &way.direct_means);
-            *rays += self.worker.indirect(block, surface, state, &active, samples / 2, way.cache.as_ref());
+            *rays += self.worker.more_direct(surface, state, &active, samples, &history.direct_means);
+            *rays +=
+                self.worker.indirect(block, surface, state, &active, samples / 2, history.cache.as_ref());
             if samples < step.target && step.is_late() {
                 is_late = true;
                 break;
@@ -543,31 +556,31 @@ impl Tracer<'_> {
         block: usize,
         surface: &BlockSurface,
         step: &Step,
-        way: &Way,
+        history: &BlockHistory,
         late: &AtomicBool,
-    ) -> Result<Done> {
+    ) -> Result<BlockResult> {
         let mut rays = RayCounts::default();
-        let mut state = self.block_state(block, surface, way, &mut rays)?;
+        let mut state = self.block_state(block, surface, history, &mut rays)?;
         // (A block without samples to get is left as it is: it need not be written.)
         if state.round < step.round && step.concerns(surface) {
             if step.is_late() {
                 late.store(true, Ordering::Relaxed);
             } else {
-                if self.bring(block, surface, &mut state, step, way, &mut rays) {
+                if self.bring(block, surface, &mut state, step, history, &mut rays) {
                     late.store(true, Ordering::Relaxed);
                 }
                 stop_if_interrupted()?;
                 self.folder.write_block(block, &state)?;
             }
         }
-        let cells = of_block(&self.frames, self.worker.transport.lights, surface, &state, self.places);
-        let mut exposed = [0; CELLS];
-        let places = surface.covered().enumerate().filter(|&(texel, _)| state.is_exposed(texel));
-        places.for_each(|(_, place)| exposed[cell_of(surface, place)] += 1);
+        let cells = of_block(&self.frames, self.worker.transport.lights, surface, &state, self.cell_map);
+        let mut usable = [0; CELLS];
+        let usable_texels = surface.covered().enumerate().filter(|&(i, _)| state.is_usable(i));
+        usable_texels.for_each(|(_, texel)| usable[cell_of(surface, texel)] += 1);
         let drawn = state.drawn.iter().filter(|drawn| **drawn > 0);
         let (texels, samples) =
             (drawn.clone().count() as u32, drawn.map(|drawn| 2 * u64::from(*drawn)).sum());
-        Ok(Done { x0: surface.x0, y0: surface.y0, exposed, cells, texels, samples, rays })
+        Ok(BlockResult { x0: surface.x0, y0: surface.y0, usable, cells, texels, samples, rays })
     }
 
     /// How much samples differ, by the first round; `means` are its.
@@ -597,15 +610,15 @@ impl Tracer<'_> {
     }
 }
 
-impl Way<'_> {
+impl BlockHistory<'_> {
     /// Says how many blocks were traced again since it was last asked.
-    pub fn tell(&self, console: &dyn Observer) {
-        let again = self.again.swap(0, Ordering::Relaxed);
-        if again > 0 {
+    pub fn report_retraced(&self, console: &dyn Observer) {
+        let retraced = self.retraced.swap(0, Ordering::Relaxed);
+        if retraced > 0 {
             console.warn(format!(
                 "{} of the unfinished work here {} missing, damaged, or older than its finished rounds: traced again",
-                count(again, "block"),
-                if again == 1 { "was" } else { "were" }
+                count(retraced, "block"),
+                if retraced == 1 { "was" } else { "were" }
             ));
         }
     }

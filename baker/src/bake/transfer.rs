@@ -4,7 +4,7 @@ use crate::light::extra_times;
 use crate::light::harmonics::{hours, parts};
 use crate::light::project::{coefficients, is_upper};
 use crate::light::schedule::Hours;
-use crate::scene::{Baked, LightsOfFiles, Look, Scene, Sky};
+use crate::scene::{Baked, LightsOfFiles, Scene, Sky, SurfaceOverrides};
 use crate::{Error, Result};
 use dataset::config::{Transfer, TransferLight};
 use std::path::Path;
@@ -51,7 +51,12 @@ pub fn of_scene(
     };
     let mut objects = scene.objects;
     for object in &mut objects {
-        object.parts.iter_mut().map(|part| &mut part.look).chain([&mut object.look]).for_each(darken);
+        object
+            .parts
+            .iter_mut()
+            .map(|part| &mut part.overrides)
+            .chain([&mut object.overrides])
+            .for_each(darken);
     }
     let scene = Scene {
         name: format!("{}-transfer", scene.name),
@@ -75,6 +80,6 @@ pub fn omitted(scene: &Scene) -> Option<String> {
 }
 
 /// Surfaces that shine do so with a group.
-fn darken(look: &mut Look) {
-    (look.emission, look.group) = (None, None);
+fn darken(overrides: &mut SurfaceOverrides) {
+    (overrides.emission, overrides.group) = (None, None);
 }

@@ -5,16 +5,16 @@
 //! mean over both would be too dark. The texels around know of paths that this cell's have not found.
 
 use super::errors::Sums;
-use super::local::{Grid, Places, error};
+use super::local::{CellMap, Grid, LocalErrorSummary, error};
 use super::state::CELLS;
 
 /// Cells so far to every side are asked: paths that one sample in some ten thousand finds are known to them
 /// after the first round.
-const REACH: usize = 2;
+const CELLS_AROUND: usize = 2;
 /// A target is met where no more than this share of the texels lies in cells that miss it, in every frame.
-const MISSED: f64 = 0.05;
+const MOST_UNCONVERGED: f64 = 0.05;
 /// One texel in so many is hardly any.
-const HARDLY: u64 = 100;
+const HARDLY_LIT: u64 = 100;
 
 /// The cells of a page that miss the target, or near which light does.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,9 +36,17 @@ pub struct Block<'a> {
     /// Row of its top left texel.
     pub y0: usize,
     /// The texels of each cell that light could reach.
-    pub exposed: [u32; CELLS],
+    pub usable: [u32; CELLS],
     /// Per frame, error and light of each cell, over the texels that have seen any.
     pub sums: &'a [[Sums; CELLS]],
+}
+
+/// What came of judging light.
+pub struct TargetJudgement {
+    /// The cells that miss the target in some frame.
+    pub unconverged: UnconvergedCells,
+    /// Local errors of all frames together; `None` without light.
+    pub local: Option<LocalErrorSummary>,
 }
 
 impl UnconvergedCells {
@@ -48,23 +56,23 @@ impl UnconvergedCells {
     }
 
     /// The cells that miss the `target` (a local error) in one of the frames, by themselves or together with
-    /// those around them; one without exposed texels never. Together, errors count beside what is tolerated
+    /// those around them; one without usable texels never. Together, errors count beside what is tolerated
     /// of the cell they are of, or of the one that is judged, whichever is more: what is bright does not hide
     /// what its dim neighbours miss, nor go on for their sake. Where no frame has light yet, or hardly a
     /// texel has seen any, nearly all of it may be missing: all cells are unconverged.
     pub fn find<'a>(
-        places: &Places,
+        cell_map: &CellMap,
         target: f64,
         frames: usize,
         blocks: impl Iterator<Item = Block<'a>> + Clone,
     ) -> Self {
-        let grid = places.grid();
+        let grid = cell_map.grid();
         let mut found = UnconvergedCells::none(grid);
-        let mut exposed = vec![0; grid.cells()];
+        let mut usable = vec![0; grid.cells()];
         let (mut texels, mut lit) = (0, 0);
         for block in blocks.clone() {
-            for (cell, &n) in block.exposed.iter().enumerate() {
-                exposed[grid.of_block(block.x0, block.y0, cell)] = n;
+            for (cell, &n) in block.usable.iter().enumerate() {
+                usable[grid.of_block(block.x0, block.y0, cell)] = n;
                 texels += u64::from(n);
                 lit += block.sums.iter().map(|cells| cells[cell].values / 3).max().unwrap_or(0);
             }
@@ -76,59 +84,60 @@ impl UnconvergedCells {
                 (0..CELLS).for_each(|cell| cells[grid.of_block(x0, y0, cell)] = sums[frame][cell]);
             }
             is_dark &= cells.iter().all(|sums| sums.light <= 0.0);
-            found.judge(places, target, &cells, &exposed);
+            found.judge(cell_map, target, &cells, &usable);
         }
-        if is_dark || lit * HARDLY < texels {
+        if is_dark || lit * HARDLY_LIT < texels {
             found
                 .unconverged
                 .iter_mut()
-                .zip(exposed)
-                .for_each(|(unconverged, exposed)| *unconverged |= exposed > 0);
+                .zip(usable)
+                .for_each(|(unconverged, usable)| *unconverged |= usable > 0);
             (found.missed, found.is_dark) = (1.0, true);
         }
         found
     }
 
-    /// Adds the cells with exposed texels that miss the target in a frame.
-    pub fn judge(&mut self, places: &Places, target: f64, cells: &[Sums], exposed: &[u32]) {
-        let floors = places.floors(cells);
-        let biases = places.grid().squared_biases(cells);
-        // Of all exposed texels: where few have seen light, as of a keyhole, the others are owed some.
-        let values: Vec<u64> = exposed.iter().map(|n| 3 * u64::from(*n)).collect();
+    /// Adds the cells with usable texels that miss the target in a frame.
+    pub fn judge(&mut self, cell_map: &CellMap, target: f64, cells: &[Sums], usable: &[u32]) {
+        let floors = cell_map.floors(cells);
+        let biases = cell_map.grid().squared_biases(cells);
+        // Of all usable texels: where few have seen light, as of a keyhole, the others are owed some.
+        let values: Vec<u64> = usable.iter().map(|n| 3 * u64::from(*n)).collect();
         let of_cell =
-            |place: usize| target * (cells[place].light / values[place].max(1) as f64).max(floors[place]);
+            |cell: usize| target * (cells[cell].light / values[cell].max(1) as f64).max(floors[cell]);
         let (mut all_texels, mut missed) = (0, 0);
-        for place in (0..cells.len()).filter(|&place| exposed[place] > 0) {
+        for cell in (0..cells.len()).filter(|&cell| usable[cell] > 0) {
             let (mut errors, mut all) = (0.0, 0);
-            for near in self.around(place) {
-                let (sums, tolerated) = (&cells[near], of_cell(near).max(of_cell(place)));
+            for near in self.around(cell) {
+                let (sums, tolerated) = (&cells[near], of_cell(near).max(of_cell(cell)));
                 let bias = biases[near] * sums.mean().powi(2) * sums.values as f64;
                 errors += (sums.squared_error + bias) / tolerated.powi(2);
                 all += values[near];
             }
             let is_unconverged =
-                error(&cells[place], floors[place], biases[place]) > target || errors > all as f64;
-            self.unconverged[place] |= is_unconverged;
+                error(&cells[cell], floors[cell], biases[cell]) > target || errors > all as f64;
+            self.unconverged[cell] |= is_unconverged;
             // What no light has found in this frame, and what is told of no error, hides none that is missed.
-            if is_unconverged || cells[place].values > 0 {
-                all_texels += exposed[place];
+            if is_unconverged || cells[cell].values > 0 {
+                all_texels += usable[cell];
             }
-            missed += if is_unconverged { exposed[place] } else { 0 };
+            missed += if is_unconverged { usable[cell] } else { 0 };
         }
         self.missed = self.missed.max(f64::from(missed) / f64::from(all_texels.max(1)));
     }
 
     /// Whether the target is met: at every hour, at all but one texel in twenty.
     pub fn is_met(&self) -> bool {
-        self.missed <= MISSED
+        self.missed <= MOST_UNCONVERGED
     }
 
     /// A cell and those around it.
-    fn around(&self, place: usize) -> impl Iterator<Item = usize> + use<> {
+    fn around(&self, cell: usize) -> impl Iterator<Item = usize> + use<> {
         let across = self.grid.columns;
-        let (x, y) = (place % across, place / across);
-        let columns = x.saturating_sub(REACH)..(x + REACH + 1).min(across);
-        let rows = y.saturating_sub(REACH)..(y + REACH + 1).min(self.unconverged.len() / across);
+        let (x, y) = (cell % across, cell / across);
+        let columns = x.saturating_sub(CELLS_AROUND)..(x + CELLS_AROUND + 1).min(across);
+        let rows =
+            y.saturating_sub(CELLS_AROUND)..(y + CELLS_AROUND + 1).min(self.unconverged.len() / across);
         rows.flat_map(move |y| columns.clone().map(move |x| y * across + x))
     }
 
@@ -166,8 +175,8 @@ mod tests {
     use crate::surface::BLOCK;
 
     /// Cells of a page of 4 × 2 blocks, none of which sees another.
-    fn places() -> Places {
-        Places::for_tests(4 * BLOCK, 2 * BLOCK, |_| None)
+    fn cell_map() -> CellMap {
+        CellMap::for_tests(4 * BLOCK, 2 * BLOCK, |_| None)
     }
 
     /// One frame on that page; `texel(x, y)` is the mean and the error of all texels of the cell (x, y).
@@ -195,9 +204,9 @@ mod tests {
             .collect();
         let blocks = sums.iter().enumerate().map(|(block, sums)| {
             let (x0, y0) = corner(block);
-            Block { x0, y0, exposed: std::array::from_fn(|c| of_cell(block, c).map_or(0, |_| 256)), sums }
+            Block { x0, y0, usable: std::array::from_fn(|c| of_cell(block, c).map_or(0, |_| 256)), sums }
         });
-        UnconvergedCells::find(&places(), target, 1, blocks)
+        UnconvergedCells::find(&cell_map(), target, 1, blocks)
     }
 
     fn unconverged(cells: &UnconvergedCells) -> Vec<(usize, usize)> {
@@ -281,9 +290,9 @@ mod tests {
     fn what_is_too_dark_to_be_seen_from_where_it_is_is_not_asked_for_more() {
         // Every cell sees the first, which is bright: errors of all their light are seen down to a thirtieth
         // of its.
-        let places = Places::for_tests(2 * BLOCK, BLOCK, |_| Some(0));
+        let cell_map = CellMap::for_tests(2 * BLOCK, BLOCK, |_| Some(0));
         let judged = |light: f32| {
-            let mut cells = vec![Sums::default(); places.grid().cells()];
+            let mut cells = vec![Sums::default(); cell_map.grid().cells()];
             for (cell, sums) in cells.iter_mut().enumerate() {
                 let light = if cell == 0 { 1.0 } else { light };
                 sums.add_texel(&Value::traced(
@@ -292,10 +301,10 @@ mod tests {
                 ));
                 sums.local = if cell == 0 { 0.0 } else { 3.0 * 0.01 };
             }
-            let mut unconverged = UnconvergedCells::none(places.grid());
-            unconverged.judge(&places, 0.05, &cells, &vec![1; cells.len()]);
+            let mut unconverged = UnconvergedCells::none(cell_map.grid());
+            unconverged.judge(&cell_map, 0.05, &cells, &vec![1; cells.len()]);
             (
-                places.errors(&cells)[9],
+                cell_map.errors(&cells)[9],
                 unconverged.unconverged[1..].iter().filter(|unconverged| **unconverged).count(),
             )
         };

@@ -37,28 +37,28 @@ impl ValidTexels {
             }
         }
         let (width, height) = (atlas.width as usize, atlas.height as usize);
-        let place = |i: usize| texels[i].index as usize;
+        let page_index = |i: usize| texels[i].index as usize;
         let mut mask = Mask { width, height, valid: vec![false; width * height] };
         let (mut buried, mut is_lit, mut dark) = (0, false, Vec::new());
         for i in 0..texels.len() {
-            match (texels[i].exposed == 1, light[i] > 0.0) {
+            match (texels[i].usable == 1, light[i] > 0.0) {
                 (false, _) => buried += 1,
-                (true, false) => dark.push(place(i)),
+                (true, false) => dark.push(page_index(i)),
                 (true, true) => {
                     is_lit = true;
-                    mask.valid[place(i)] = true;
+                    mask.valid[page_index(i)] = true;
                 }
             }
         }
         let of_dark = dark.len();
-        dark.retain(|&i| !is_lit || is_amid(&mask, owners, i));
+        dark.retain(|&i| !is_lit || is_surrounded(&mask, owners, i));
         dark.iter().for_each(|&i| mask.valid[i] = true);
         let unlit = of_dark - dark.len();
         Ok(ValidTexels { mask, light, buried, unlit })
     }
 
     /// Per covered texel, whether it is valid.
-    pub fn by_place(&self, texels: &[Texel]) -> Vec<bool> {
+    pub fn by_position(&self, texels: &[Texel]) -> Vec<bool> {
         texels.iter().map(|texel| self.mask.valid[texel.index as usize]).collect()
     }
 }
@@ -68,7 +68,7 @@ impl ValidTexels {
 /// something has its lit neighbours on some sides.)
 ///
 /// Only texels of the same chart count, or of none known.
-fn is_amid(mask: &Mask, owners: &Owners, texel: usize) -> bool {
+fn is_surrounded(mask: &Mask, owners: &Owners, texel: usize) -> bool {
     /// Texels along the side of a quadrant.
     const SIDE: usize = 4;
     let (x, y) = (texel % mask.width, texel / mask.width);
@@ -98,12 +98,12 @@ mod tests {
         let none = Owners::new(&Atlas::for_tests(20, 16, Vec::new()));
         // One in eight is lit; only beyond a line; around a block.
         let few = mask(|x, y| (x + 3 * y) % 8 == 0);
-        assert!((5..15).all(|x| few.valid[at(x, 8)] || is_amid(&few, &none, at(x, 8))));
+        assert!((5..15).all(|x| few.valid[at(x, 8)] || is_surrounded(&few, &none, at(x, 8))));
         let line = mask(|x, y| x + y > 16);
-        assert!((0..320).all(|i| line.valid[i] || !is_amid(&line, &none, i)));
+        assert!((0..320).all(|i| line.valid[i] || !is_surrounded(&line, &none, i)));
         let block = mask(|x, y| !(4..14).contains(&x) || !(3..13).contains(&y));
-        assert!((0..320).all(|i| block.valid[i] || !is_amid(&block, &none, i)));
+        assert!((0..320).all(|i| block.valid[i] || !is_surrounded(&block, &none, i)));
         // At the page's corners there are no four quadrants.
-        assert!([at(0, 0), at(19, 0), at(0, 15), at(19, 15)].iter().all(|&i| !is_amid(&few, &none, i)));
+        assert!([at(0, 0), at(19, 0), at(0, 15), at(19, 15)].iter().all(|&i| !is_surrounded(&few, &none, i)));
     }
 }

@@ -4,8 +4,8 @@
 use crate::atlas::Atlas;
 use crate::geometry::Geometry;
 use crate::scene::Camera;
-use crate::trace::lens::{Lens, NOWHERE};
-use crate::trace::rays::Rays;
+use crate::trace::lens::{Lens, NO_TRIANGLE};
+use crate::trace::ray_tracer::RayTracer;
 use dataset::tiles::TILE;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -31,7 +31,7 @@ pub fn views(
     geometry: &Geometry,
     atlas: &Atlas,
     tile_side: usize,
-    rays: &Rays,
+    ray_tracer: &RayTracer,
 ) -> Vec<View> {
     let mut face_of = vec![u32::MAX; geometry.triangles.len()];
     for (number, face) in atlas.faces.iter().enumerate() {
@@ -41,7 +41,7 @@ pub fn views(
         let lens = Lens::new(camera, geometry.origin, PICTURE);
         let tile = |x: u32, y: u32| {
             let direction = lens.direction(Vec2::new(x as f32, y as f32) + 0.5);
-            let hit = rays.nearest_wall(lens.origin, direction, NOWHERE)?;
+            let hit = ray_tracer.nearest_wall(lens.origin, direction, NO_TRIANGLE)?;
             let face = atlas.faces.get(face_of[hit.triangle as usize] as usize)?;
             Some(tile_of(atlas, tile_side, face.corners, hit.barycentric))
         };
@@ -117,14 +117,14 @@ mod tests {
             look_at,
             fov: 60.0,
         };
-        let rays = Rays::new(&geometry);
+        let ray_tracer = RayTracer::new(&geometry);
         let cameras = [
             camera(DVec3::new(0.5, 0.0, 0.5)),
             camera(DVec3::new(0.5, 1.0, 0.5)),
             camera(DVec3::new(2.0, 0.0, 2.0)),
         ];
         let seen: Vec<usize> =
-            views(&cameras, &geometry, &atlas, TILE, &rays).iter().map(|view| view.tiles).collect();
+            views(&cameras, &geometry, &atlas, TILE, &ray_tracer).iter().map(|view| view.tiles).collect();
         assert_eq!(seen, [1, 0, 4]);
         assert_eq!(tile_of(&atlas, TILE, atlas.faces[0].corners, Vec3::Z), [1, 1]);
     }

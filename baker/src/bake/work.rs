@@ -19,7 +19,7 @@
 
 use super::json;
 use super::sealed;
-use super::state::{BlockState, Kinds};
+use super::state::{BlockState, SumKinds};
 use crate::{Error, Result};
 use dataset::files::write_atomically;
 use rayon::prelude::*;
@@ -50,13 +50,13 @@ pub struct WorkFolder {
     root: PathBuf,
     /// Digest of the work.
     digest: String,
-    kinds: Kinds,
+    kinds: SumKinds,
 }
 
 impl WorkFolder {
     /// Opens or creates the folder of the work with this digest below `dataset`, which traces the layers of
     /// these digests as sums of these kinds, and removes those of other work.
-    pub fn open(dataset: &Path, digest: &str, layers: &[String], kinds: Kinds) -> Result<Self> {
+    pub fn open(dataset: &Path, digest: &str, layers: &[String], kinds: SumKinds) -> Result<Self> {
         for other in Self::others(dataset, digest) {
             let _ = std::fs::remove_dir_all(other);
         }
@@ -242,7 +242,7 @@ fn is_finished(folder: &Path, is_kept: impl Fn(&str) -> bool) -> bool {
 mod tests {
     use super::*;
 
-    const KINDS: Kinds = Kinds { layers: 3, sampled: 2, met: 1 };
+    const KINDS: SumKinds = SumKinds { layers: 3, sampled: 2, hit_lights: 1 };
 
     #[test]
     fn blocks_are_kept_and_torn_ones_are_not_believed() {
@@ -251,7 +251,7 @@ mod tests {
         let names = |names: [&str; 3]| names.map(str::to_owned);
         let folder = WorkFolder::open(dir.path(), digest, &names(["a", "b", "c"]), KINDS).unwrap();
         assert_eq!(folder.read_block(5, 4).unwrap(), None);
-        let state = BlockState { round: 2, wants: vec![1; 8], ..BlockState::empty(4, KINDS) };
+        let state = BlockState { round: 2, direct_budgets: vec![1; 8], ..BlockState::empty(4, KINDS) };
         folder.write_block(5, &state).unwrap();
         folder.sync_blocks(&[5, 6]).unwrap();
         assert_eq!(folder.expect_block(5, 4).unwrap(), state);
@@ -299,9 +299,13 @@ mod tests {
     #[test]
     fn what_was_decided_once_stays_decided() {
         let dir = tempfile::tempdir().unwrap();
-        let folder =
-            WorkFolder::open(dir.path(), "0123456789abcdef", &[], Kinds { layers: 0, sampled: 0, met: 0 })
-                .unwrap();
+        let folder = WorkFolder::open(
+            dir.path(),
+            "0123456789abcdef",
+            &[],
+            SumKinds { layers: 0, sampled: 0, hit_lights: 0 },
+        )
+        .unwrap();
         assert_eq!(folder.kept(DIRECT, || Ok(vec![1.5f32])).unwrap(), [1.5]);
         assert_eq!(folder.kept(DIRECT, || Ok(vec![2.5f32])).unwrap(), [1.5]);
         assert_eq!(folder.kept(PIVOT, || Ok(None::<i16>)).unwrap(), None);

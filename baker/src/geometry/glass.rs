@@ -5,7 +5,7 @@ use crate::Rgb;
 use glam::{Vec3, Vec4};
 
 /// Less than this passes nowhere that counts: light is taken to be blocked.
-pub const DARK: f32 = 1e-6;
+pub const BLOCKED_BELOW: f32 = 1e-6;
 /// A point that lets less through than this is a wall to tests of what lies inside or behind what.
 const OPENS_FROM: f32 = 1.0 / 64.0;
 

@@ -73,7 +73,7 @@ pub(super) fn lamps(
                             notes.add(&file, "directional light", &lamp.name, what);
                         } else {
                             suns.push(FileSun {
-                                place: (file.clone(), lamp.name.clone()),
+                                names: (file.clone(), lamp.name.clone()),
                                 direction: -direction,
                                 irradiance: light,
                             });
@@ -103,7 +103,7 @@ fn why_no_sun(scene: &Scene, to_sun: DVec3, light: DVec3) -> Option<String> {
         let direction = (to_sun * 1e4).round() / 1e4 + DVec3::ZERO;
         format!("`track = [{{ hour = 0, direction = {}, irradiance = {} }}]`", list(direction), list(light))
     };
-    match (&scene.sun, &scene.place, &scene.sky) {
+    match (&scene.sun, &scene.location, &scene.sky) {
         (Some(_), ..) => Some("left out: the scene file has a [sun]".to_owned()),
         (None, Some(_), _) => Some(format!(
             "left out: the scene file has a [place], whose sun a [sun] turns on; for the file's light at all hours write {} into it",
@@ -120,7 +120,7 @@ fn why_no_sun(scene: &Scene, to_sun: DVec3, light: DVec3) -> Option<String> {
 /// A directional light of a file in the world.
 struct FileSun {
     /// File and name.
-    place: (String, String),
+    names: (String, String),
     /// Towards it.
     direction: DVec3,
     /// klx.
@@ -130,7 +130,7 @@ struct FileSun {
 /// The brightest of the directional lights as the sun of all hours.
 fn sun(suns: &[FileSun], notes: &mut Notes) -> Option<Sun> {
     let brightness = |sun: &FileSun| sun.irradiance.element_sum();
-    let FileSun { place: (file, name), direction, irradiance } =
+    let FileSun { names: (file, name), direction, irradiance } =
         suns.iter().reduce(|best, sun| if brightness(sun) > brightness(best) { sun } else { best })?;
     let name = match suns.len() - 1 {
         0 => name.clone(),

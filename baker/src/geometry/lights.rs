@@ -1,11 +1,11 @@
-//! Light groups for what shines in geometry files.
+//! Light groups for the emitters in geometry files.
 
 use super::Emission;
-use super::look::fits;
 use super::model::FileMaterial;
 use super::notes;
+use super::overrides::fits;
 use super::texture::TextureStore;
-use crate::scene::{Baked, Group, Lamp, Look, Scene, Sun};
+use crate::scene::{Baked, Group, Lamp, Scene, Sun, SurfaceOverrides};
 use glam::DVec3;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -17,7 +17,7 @@ const REST: &str = "file";
 /// The brightest light, in kcd or klx.
 pub(super) const BRIGHTEST: f64 = 1e12;
 
-/// What shines in geometry files and belongs among the lights of the scene.
+/// The emitters in geometry files that belong among the lights of the scene.
 #[derive(Clone, Debug, Default)]
 pub struct FileLights {
     /// Groups that follow those of the scene file; lit all day.
@@ -46,9 +46,9 @@ pub(super) struct Groups<'a> {
     /// Names that the scene file does not have, in the order first met.
     new: Vec<String>,
     /// Per group of the scene, whether something of a file belongs to it.
-    met: Vec<bool>,
+    is_used: Vec<bool>,
     /// Per group of the scene, a pattern of its `lights` and the group that has what fits it instead.
-    lost: Vec<Option<(&'a str, usize)>>,
+    unused_reason: Vec<Option<(&'a str, usize)>>,
     /// All names by which a group could have something of a file.
     names: BTreeSet<String>,
     /// Emission maps that are black all over.
@@ -71,12 +71,12 @@ impl<'a> Groups<'a> {
         let maps = &textures.emission().textures;
         let is_black =
             maps.iter().map(|map| map.rgba.iter().all(|[r, g, b, _]| [r, g, b] == [&0; 3])).collect();
-        let met = vec![false; scene.groups.len()];
+        let is_used = vec![false; scene.groups.len()];
         Groups {
             scene,
             new: Vec::new(),
-            lost: vec![None; met.len()],
-            met,
+            unused_reason: vec![None; is_used.len()],
+            is_used,
             names: BTreeSet::new(),
             is_black,
             glowing: BTreeSet::new(),
@@ -107,10 +107,10 @@ impl<'a> Groups<'a> {
 
     /// Notes that a group of the scene has something with these names, and that others do not which list it.
     fn give(&mut self, group: usize, names: &[&str]) {
-        self.met[group] = true;
+        self.is_used[group] = true;
         for (pattern, other) in &self.scene.lights.names {
             if *other != group && names.iter().any(|name| fits(pattern, name)) {
-                self.lost[*other].get_or_insert((pattern, group));
+                self.unused_reason[*other].get_or_insert((pattern, group));
             }
         }
     }
@@ -120,15 +120,15 @@ impl<'a> Groups<'a> {
     /// there.
     pub fn emission(
         &mut self,
-        look: &Look,
+        overrides: &SurfaceOverrides,
         material: &FileMaterial,
         named: &[&str],
         place: (&Path, usize),
     ) -> Option<Emission> {
         let group_of = |name: &String| self.scene.groups.iter().position(|group| group.name == *name);
-        let by_look = look.group.as_ref().and_then(group_of);
-        if let Some(radiance) = look.emission {
-            let group = by_look? as u32;
+        let by_overrides = overrides.group.as_ref().and_then(group_of);
+        if let Some(radiance) = overrides.emission {
+            let group = by_overrides? as u32;
             return Some(Emission { radiance: radiance.as_vec3(), group, map: None });
         }
         let emission = material.emission.filter(|_| self.scene.lights.from_file)?;
@@ -140,7 +140,7 @@ impl<'a> Groups<'a> {
         let own = (!material.name.is_empty()).then_some(material.name.as_str());
         let mut names: Vec<&str> = own.into_iter().chain(named.iter().copied()).collect();
         names.dedup();
-        let group = match by_look {
+        let group = match by_overrides {
             Some(group) => {
                 self.give(group, &names);
                 group as u32
@@ -162,7 +162,7 @@ impl<'a> Groups<'a> {
         lamps: Lamps,
         warnings: &mut Vec<String>,
     ) -> (FileLights, Option<u32>) {
-        let Groups { mut new, met, lost, names, glowing, .. } = self;
+        let Groups { mut new, is_used, unused_reason, names, glowing, .. } = self;
         let first = scene.groups.len();
         let of_files = |n: usize, noun: &str| (n > 0).then(|| notes::plural(n, noun));
         let free = lamps.lamps.iter().filter(|(group, _)| *group as usize >= first).count();
@@ -192,11 +192,14 @@ impl<'a> Groups<'a> {
             ));
         }
         let names: Vec<String> = names.into_iter().collect();
-        for ((group, met), lost) in scene.groups.iter().zip(met).zip(lost) {
-            let looks = scene.objects.iter().flat_map(|o| o.parts.iter().map(|p| &p.look).chain([&o.look]));
-            let shines = |look: &Look| look.emission.is_some() && look.group.as_ref() == Some(&group.name);
-            if group.lamps.is_empty() && !met && !looks.into_iter().any(shines) {
-                let have = match lost {
+        for ((group, is_used), unused_reason) in scene.groups.iter().zip(is_used).zip(unused_reason) {
+            let all_overrides =
+                scene.objects.iter().flat_map(|o| o.parts.iter().map(|p| &p.overrides).chain([&o.overrides]));
+            let shines = |overrides: &SurfaceOverrides| {
+                overrides.emission.is_some() && overrides.group.as_ref() == Some(&group.name)
+            };
+            if group.lamps.is_empty() && !is_used && !all_overrides.into_iter().any(shines) {
+                let have = match unused_reason {
                     Some((pattern, other)) => format!(
                         "what fits `lights = [{pattern:?}]` belongs to group {:?}; of groups that list the same, the first has it, so a group \
                          with fewer names should stand before one with more",

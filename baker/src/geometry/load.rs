@@ -2,10 +2,10 @@
 
 use super::lamps::lamps;
 use super::lights::Groups;
-use super::look::{MaterialStore, resolve, unmet};
 use super::model::{DEFAULT_ALBEDO, Mesh, Model};
 use super::notes::{self, Notes};
 use super::originals::{self, Changed, File, Source};
+use super::overrides::{MaterialStore, resolve, unmatched};
 use super::texture::TextureStore;
 use super::{Geometry, Instance, LightmapPlace, gltf, obj};
 use crate::scene::{Object, Scene};
@@ -154,7 +154,7 @@ fn read_file(object: &Object, textures: &mut TextureStore, notes: &mut Notes) ->
         "gltf" | "glb" => gltf::load(&object.file, textures, notes)?,
         _ => {
             let what = format!("{}: expected an .obj, .gltf or .glb file", object.file.display());
-            return Err(Error::unsupported(&object.place, what));
+            return Err(Error::unsupported(&object.source_line, what));
         }
     };
     if model.placements.iter().all(|p| model.meshes[p.mesh].triangles.is_empty()) {
@@ -196,7 +196,7 @@ fn place<'a>(
         [placement.node.as_str(), mesh.name.as_str(), model.materials[mesh.material].name.as_str()]
     };
     // What holds for each mesh does not depend on the instance.
-    let mut met = vec![false; object.parts.len()];
+    let mut matched = vec![false; object.parts.len()];
     let (mut limited, mut undefined) = (BTreeSet::new(), Vec::new());
     let mut list = Vec::new();
     for placement in &model.placements {
@@ -205,14 +205,14 @@ fn place<'a>(
             continue;
         }
         let mut named: Vec<&str> = names(placement).into_iter().filter(|n| !n.is_empty()).collect();
-        let look = resolve(object, &named, &mut met);
+        let overrides = resolve(object, &named, &mut matched);
         let material_place = (object.file.as_path(), mesh.material);
         let material = &model.materials[mesh.material];
-        let emission = groups.emission(&look, material, &named, material_place);
+        let emission = groups.emission(&overrides, material, &named, material_place);
         let (index, is_limited) = store.materials.add(
             material,
             mesh.brightest,
-            &look,
+            &overrides,
             emission,
             albedo_max as f32,
             &mut store.textures,
@@ -220,16 +220,16 @@ fn place<'a>(
         if is_limited {
             limited.insert(mesh.material);
         }
-        if look.albedo.is_none() && material.undefined {
+        if overrides.albedo.is_none() && material.undefined {
             undefined.push(material.name.as_str());
         }
         named.dedup();
-        list.push((placement, index, format!("{file}: {}", named.join("/")), look));
+        list.push((placement, index, format!("{file}: {}", named.join("/")), overrides));
     }
     let all: Vec<&str> = model.placements.iter().flat_map(names).collect();
-    let unmet_parts = object.parts.iter().zip(&met).filter(|(_, met)| !**met);
+    let unmatched_parts = object.parts.iter().zip(&matched).filter(|(_, matched)| !**matched);
     let lamps = || model.contents.lamps.iter().map(|lamp| lamp.name.as_str());
-    errors.extend(unmet_parts.map(|(part, _)| unmet(object, part, &all, lamps())));
+    errors.extend(unmatched_parts.map(|(part, _)| unmatched(object, part, &all, lamps())));
     if !undefined.is_empty() {
         let meshes = notes::plural(undefined.len(), "mesh");
         undefined.retain(|name| !name.is_empty());
@@ -261,22 +261,22 @@ fn place<'a>(
         .collect();
     for (i, &world_from_file) in object.world_from_file.iter().enumerate() {
         let number = if object.world_from_file.len() > 1 { format!(" #{i}") } else { String::new() };
-        placed.extend(list.iter().map(|(placement, material, name, look)| Placed {
+        placed.extend(list.iter().map(|(placement, material, name, overrides)| Placed {
             mesh: &model.meshes[placement.mesh],
             source: Source {
                 object: first_object + i,
                 mesh: placement.mesh,
                 node: placement.node_index,
                 repeat: placement.repeat,
-                changed: Changed::by(look),
+                changed: Changed::by(overrides),
             },
             world_from_mesh: world_from_file * placement.file_from_mesh,
             material: *material,
-            recoloured: look.albedo.is_some(),
+            recoloured: overrides.albedo.is_some(),
             name: format!("{name}{number}"),
-            lightmap: look.lightmap.unwrap_or(!clear.contains(material)),
+            lightmap: overrides.lightmap.unwrap_or(!clear.contains(material)),
             lightmap_place: placement.lightmap_place,
-            density: look.density.unwrap_or(1.0),
+            density: overrides.density.unwrap_or(1.0),
         }));
     }
 }

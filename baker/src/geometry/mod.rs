@@ -12,7 +12,7 @@ mod mtl_glass;
 mod obj;
 mod gltf;
 mod survey;
-mod look;
+mod overrides;
 mod lights;
 mod lamps;
 mod load;
@@ -25,7 +25,7 @@ mod solids;
 
 pub use bounds::Bounds;
 pub use contents::{Contents, FileCamera, FileLamp, FileLampKind};
-pub use glass::{DARK, Glass};
+pub use glass::{BLOCKED_BELOW, Glass};
 pub use lights::FileLights;
 pub use load::{load, load_with};
 pub(crate) use model::{Asset, Mesh};

@@ -2,7 +2,7 @@
 
 use super::contents::FileCamera;
 use super::model::{Asset, Mesh, Model};
-use crate::scene::Look;
+use crate::scene::SurfaceOverrides;
 use glam::DMat4;
 
 /// What the reader of OBJ files calls a mesh without a name.
@@ -71,12 +71,12 @@ pub(crate) struct Changed {
 
 impl Changed {
     /// What a look replaces.
-    pub(super) fn by(look: &Look) -> Self {
-        let colour = look.albedo.is_some();
+    pub(super) fn by(overrides: &SurfaceOverrides) -> Self {
+        let colour = overrides.albedo.is_some();
         Changed {
-            surface: colour || look.two_sided.is_some() || look.transmission.is_some(),
+            surface: colour || overrides.two_sided.is_some() || overrides.transmission.is_some(),
             colour,
-            emission: look.emission.is_some(),
+            emission: overrides.emission.is_some(),
         }
     }
 }

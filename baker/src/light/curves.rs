@@ -1,40 +1,40 @@
 //! What smooth light goes with between frames: the sky's with its irradiance on level ground, what surfaces
 //! reflect of the sun with the sun's irradiance on what is around.
 
-use super::course;
 use super::sky_model::irradiance;
-use crate::scene::{Place, Sky, Sun, SunTrack};
+use super::visibility_times;
+use crate::scene::{Location, Sky, Sun, SunTrack};
 use dataset::curve::Curve;
 use rayon::prelude::*;
 
 /// Curves are true to this share of themselves, and have as few times as that takes.
-const SHARE: f64 = 1e-3;
+const MOST_ERROR: f64 = 1e-3;
 
 /// Of the sun's irradiance on a surface that faces it, what counts as falling on the scene beside what falls
 /// on level ground: walls catch it when it stands low. (Of 0, 0.02, 0.05 and 0.1, that of least error in
 /// `yard`, `room` and `farmland`.)
-const WALLS: f32 = 0.05;
+const REFLECTED_BY_WALLS: f32 = 0.05;
 
 /// Of a sky that follows the sun; `None` of others, which are the same all day.
-pub fn of_sky(sky: &Sky, place: Option<&Place>) -> Option<Curve> {
-    let (Sky::HosekWilkie { .. }, Some(_)) = (sky, place) else { return None };
+pub fn of_sky(sky: &Sky, location: Option<&Location>) -> Option<Curve> {
+    let (Sky::HosekWilkie { .. }, Some(_)) = (sky, location) else { return None };
     let hours: Vec<f64> = (0..=24 * 60).map(|minute| f64::from(minute) / 60.0).collect();
-    let values = hours.par_iter().map(|&hour| irradiance(sky, place, hour).to_array()).collect();
-    Some(Curve { hours, values }.thinned(SHARE))
+    let values = hours.par_iter().map(|&hour| irradiance(sky, location, hour).to_array()).collect();
+    Some(Curve { hours, values }.thinned(MOST_ERROR))
 }
 
 /// Of what surfaces reflect of a computed sun; `None` of an authored one: where it jumps or shines from below
 /// the horizon, light is far from in proportion to any such quantity.
-pub fn of_reflected_sun(sun: &Sun, place: Option<&Place>) -> Option<Curve> {
+pub fn of_reflected_sun(sun: &Sun, location: Option<&Location>) -> Option<Curve> {
     if matches!(sun.track, SunTrack::Authored(_)) {
         return None;
     }
-    let path = course::by_the_minute(sun, place, [0.0, 24.0]);
+    let path = visibility_times::sun_path(sun, location, [0.0, 24.0]);
     let value = |(direction, irradiance): (&[f32; 3], &[f32; 3])| {
-        irradiance.map(|e| e * (direction[1].max(0.0) + WALLS))
+        irradiance.map(|e| e * (direction[1].max(0.0) + REFLECTED_BY_WALLS))
     };
     let values = path.direction.iter().zip(&path.irradiance).map(value).collect();
-    Some(Curve { hours: path.hours, values }.thinned(SHARE))
+    Some(Curve { hours: path.hours, values }.thinned(MOST_ERROR))
 }
 
 #[cfg(test)]
@@ -45,8 +45,8 @@ mod tests {
 
     const CLEAR: Sky = Sky::HosekWilkie { turbidity: 3.0, ground_albedo: 0.2 };
 
-    fn vienna() -> Place {
-        Place { latitude: 48.2, longitude: 16.4, utc_offset: 2.0, date: (2026, 4, 12), north: 0.0 }
+    fn vienna() -> Location {
+        Location { latitude: 48.2, longitude: 16.4, utc_offset: 2.0, date: (2026, 4, 12), north: 0.0 }
     }
 
     fn authored(keys: &[(f64, DVec3)]) -> Sun {
@@ -57,9 +57,9 @@ mod tests {
 
     #[test]
     fn the_skys_curve_is_its_irradiance_on_level_ground() {
-        let place = vienna();
-        let curve = of_sky(&CLEAR, Some(&place)).unwrap();
-        let illuminance = crate::light::sky::Illuminance::new(Some(&CLEAR), Some(&place));
+        let location = vienna();
+        let curve = of_sky(&CLEAR, Some(&location)).unwrap();
+        let illuminance = crate::light::sky::Illuminance::new(Some(&CLEAR), Some(&location));
         // At half minutes too, from noon to the night's floor, ten thousand times darker.
         for step in 0..2 * 24 * 60 {
             let hour = f64::from(step) / 120.0;
@@ -83,7 +83,7 @@ mod tests {
     #[test]
     fn the_suns_curve_is_0_by_night_and_follows_its_height_by_day() {
         let curve = of_reflected_sun(
-            &Sun { disc_angle: 0.53, track: SunTrack::Place { turbidity: 3.0 } },
+            &Sun { disc_angle: 0.53, track: SunTrack::Computed { turbidity: 3.0 } },
             Some(&vienna()),
         )
         .unwrap();

@@ -11,24 +11,24 @@ use crate::scene::{Baked, Scene};
 use serde::Serialize;
 
 /// Extra times of a day at most, where nothing else is asked for.
-pub const MOST: u32 = 6;
+pub const MOST_EXTRA_TIMES: u32 = 6;
 
 /// Times are added until interpolated light errs by no more than this share of itself, at any minute.
-pub const BOUND: f64 = 0.05;
+pub const MOST_ERROR: f64 = 0.05;
 
 /// Times no farther apart than this many micro-hours get none between them: ten minutes, so that 240 hours a
 /// day are what was asked for.
-const CLOSE: i64 = 10 * 1_000_000 / 60;
+const LEAST_GAP: i64 = 10 * 1_000_000 / 60;
 
 /// Light below this share of the day's greatest counts as this much: by night an error is none that anyone
 /// sees.
-const FLOOR: f64 = 1e-3;
+const DARK_SHARE: f64 = 1e-3;
 
 /// What surfaces reflect of the sun, next to the light of a sky of the same irradiance on level ground: of
 /// the sun's on level ground, and of that on walls that face it. Between those of a yard (0.11, 0.007) and of
 /// a room with windows to the sun (0.6, 0.3).
-const GROUND: f64 = 0.25;
-const WALLS: f64 = 0.05;
+const REFLECTED_BY_GROUND: f64 = 0.25;
+const REFLECTED_BY_WALLS: f64 = 0.05;
 
 /// Micro-hours in a day.
 const DAY: i64 = 24_000_000;
@@ -61,13 +61,13 @@ impl ExtraTimes {
     /// Why there are none, or not enough, in words.
     pub fn skipped(&self) -> Option<String> {
         let (before, after) = (self.error_before?, self.error_after?);
-        if self.added.is_empty() && before <= BOUND {
+        if self.added.is_empty() && before <= MOST_ERROR {
             return Some(format!(
                 "no extra times: light of sky and sun interpolated linearly between the frames errs by {} at most",
                 percent(before)
             ));
         }
-        (after > BOUND).then(|| {
+        (after > MOST_ERROR).then(|| {
             format!(
                 "no more than {} (--extra-times): light of sky and sun interpolated linearly between the frames errs by up to {}",
                 dataset::console::count(self.added.len(), "extra time"),
@@ -134,16 +134,18 @@ struct Smooth<'a> {
 impl<'a> Smooth<'a> {
     fn new(scene: &'a Scene) -> Self {
         let sky = scene.sky.as_ref().filter(|_| scene.sky_baked != Baked::None);
-        Smooth { scene, sky: Illuminance::new(sky, scene.place.as_ref()) }
+        Smooth { scene, sky: Illuminance::new(sky, scene.location.as_ref()) }
     }
 
     fn at(&self, hour: f64) -> f64 {
         let sun = self.scene.sun.as_ref().filter(|_| self.scene.sun_baked != Baked::None);
-        let of_sun = sun.and_then(|sun| sun::at(sun, self.scene.place.as_ref(), hour)).map_or(0.0, |disc| {
-            let height = f64::from(disc.direction.y.clamp(0.0, 1.0));
-            let along = (1.0 - height * height).sqrt();
-            f64::from(luminance(disc.irradiance)) * (GROUND * height + WALLS * along)
-        });
+        let of_sun =
+            sun.and_then(|sun| sun::at(sun, self.scene.location.as_ref(), hour)).map_or(0.0, |disc| {
+                let height = f64::from(disc.direction.y.clamp(0.0, 1.0));
+                let along = (1.0 - height * height).sqrt();
+                f64::from(luminance(disc.irradiance))
+                    * (REFLECTED_BY_GROUND * height + REFLECTED_BY_WALLS * along)
+            });
         self.sky.at(hour) + of_sun
     }
 }
@@ -240,16 +242,16 @@ fn gaps(points: &[TimePoint], hours: &Hours, smooth: &Smooth) -> Vec<Gap> {
     let pairs = points.iter().enumerate().filter_map(|(k, point)| {
         let (from, (to, next)) = (micro(point.hour), next(k));
         let is_asked = hours.spans([point.hour, to as f64 / 1e6]);
-        (is_asked && to - from > CLOSE && point.groups_on == next.groups_on).then_some([from, to])
+        (is_asked && to - from > LEAST_GAP && point.groups_on == next.groups_on).then_some([from, to])
     });
     let mut gaps: Vec<Gap> = pairs.map(|pair| Gap::new(pair, smooth)).collect();
-    let floor = FLOOR * gaps.iter().map(Gap::greatest).fold(0.0, f64::max);
+    let floor = DARK_SHARE * gaps.iter().map(Gap::greatest).fold(0.0, f64::max);
     gaps.iter_mut().for_each(|gap| gap.floor = floor);
     gaps
 }
 
 /// Per gap where to cut it: the cuts, no more than `most` in all, that leave the least error, or as few as
-/// leave [`BOUND`].
+/// leave [`MOST_ERROR`].
 fn cuts(gaps: &[Gap], most: usize) -> Vec<Vec<usize>> {
     let within = |bound: f64| {
         let mut left = most;
@@ -260,12 +262,12 @@ fn cuts(gaps: &[Gap], most: usize) -> Vec<Vec<usize>> {
         };
         gaps.iter().map(of_gap).collect::<Option<Vec<_>>>()
     };
-    if let Some(cuts) = within(BOUND) {
+    if let Some(cuts) = within(MOST_ERROR) {
         return cuts;
     }
     // The bound is not reached: the least that is, in between, to a thousandth of itself.
-    let mut high = gaps.iter().map(Gap::error).fold(BOUND, f64::max);
-    let (mut low, mut best) = (BOUND, vec![Vec::new(); gaps.len()]);
+    let mut high = gaps.iter().map(Gap::error).fold(MOST_ERROR, f64::max);
+    let (mut low, mut best) = (MOST_ERROR, vec![Vec::new(); gaps.len()]);
     while high > low * 1.001 {
         let middle = (low * high).sqrt();
         match within(middle) {

@@ -2,11 +2,11 @@
 
 use super::*;
 use crate::light::schedule::parse_hours;
-use crate::scene::{Group, Place, Sky, Sun, SunKey, SunTrack};
+use crate::scene::{Group, Location, Sky, Sun, SunKey, SunTrack};
 use glam::DVec3;
 
-fn scene(place: Option<Place>, sun: Option<Sun>, sky: Option<Sky>) -> Scene {
-    Scene { place, sun, sky, ..scene_without_light() }
+fn scene(location: Option<Location>, sun: Option<Sun>, sky: Option<Sky>) -> Scene {
+    Scene { location, sun, sky, ..scene_without_light() }
 }
 
 fn scene_without_light() -> Scene {
@@ -14,15 +14,15 @@ fn scene_without_light() -> Scene {
     Scene::of_model(file.path()).unwrap()
 }
 
-fn place(latitude: f64, date: (i32, u32, u32)) -> Place {
-    Place { latitude, longitude: 16.4, utc_offset: 2.0, date, north: 0.0 }
+fn location(latitude: f64, date: (i32, u32, u32)) -> Location {
+    Location { latitude, longitude: 16.4, utc_offset: 2.0, date, north: 0.0 }
 }
 
 /// Sun and sky of a clear day.
 fn clear(latitude: f64, date: (i32, u32, u32)) -> Scene {
-    let sun = Sun { disc_angle: 0.53, track: SunTrack::Place { turbidity: 3.0 } };
+    let sun = Sun { disc_angle: 0.53, track: SunTrack::Computed { turbidity: 3.0 } };
     let sky = Sky::HosekWilkie { turbidity: 3.0, ground_albedo: 0.2 };
-    scene(Some(place(latitude, date)), Some(sun), Some(sky))
+    scene(Some(location(latitude, date)), Some(sun), Some(sky))
 }
 
 fn spring() -> Scene {
@@ -63,7 +63,7 @@ fn error_of(scene: &Scene, hours: &[f64]) -> f64 {
             let t = (hour - pair[0]) / (pair[1] - pair[0]);
             let between = (1.0 - t) * smooth.at(pair[0]) + t * smooth.at(pair[1] % 24.0);
             let light = smooth.at(hour % 24.0);
-            (between - light).abs() / light.max(FLOOR * greatest)
+            (between - light).abs() / light.max(DARK_SHARE * greatest)
         };
         minutes.map(of_minute).fold(0.0, f64::max)
     };
@@ -75,7 +75,7 @@ fn error_of(scene: &Scene, hours: &[f64]) -> f64 {
 fn a_computed_dusk_draws_times_and_they_help() {
     let scene = spring();
     let day: Vec<f64> = (0..24).map(f64::from).collect();
-    let extra = times(&scene, "0..24", MOST);
+    let extra = times(&scene, "0..24", MOST_EXTRA_TIMES);
     let hours = hours_of(&extra);
     // The sun rises at 6:13 and sets at 19:38.
     assert!(hours.iter().all(|h| (5.0..8.0).contains(h) || (18.0..21.0).contains(h)), "{hours:?}");
@@ -97,7 +97,7 @@ fn more_times_leave_less_until_the_bound_is_reached() {
     let errors: Vec<f64> = (0..8).map(|most| times(&scene, "0..24", most).error_after.unwrap()).collect();
     assert!(errors.is_sorted_by(|a, b| a * 1.002 >= *b) && errors[7] < 0.1 * errors[0], "{errors:?}");
     let plenty = times(&scene, "0..24", 100);
-    assert!(plenty.added.len() < 40 && plenty.error_after.unwrap() <= BOUND, "{plenty:?}");
+    assert!(plenty.added.len() < 40 && plenty.error_after.unwrap() <= MOST_ERROR, "{plenty:?}");
     assert_eq!(plenty.skipped(), None);
     let few = times(&scene, "0..24", 2);
     assert!(few.skipped().unwrap().starts_with("no more than 2 extra times (--extra-times)"));
@@ -111,37 +111,40 @@ fn none_is_added_where_none_is_wanted() {
     let none = times(&scene, "0..24", 0);
     assert!(none.added.is_empty() && none.error_before == none.error_after && none.error_before > Some(1.0));
     // Single hours stand for themselves.
-    assert_eq!(times(&scene, "12", MOST), ExtraTimes::default());
-    assert_eq!(times(&scene, "5,6,18,19,20", MOST), ExtraTimes::default());
+    assert_eq!(times(&scene, "12", MOST_EXTRA_TIMES), ExtraTimes::default());
+    assert_eq!(times(&scene, "5,6,18,19,20", MOST_EXTRA_TIMES), ExtraTimes::default());
     // Only within a range.
-    let dusk = hours_of(&times(&scene, "6,18..22", MOST));
+    let dusk = hours_of(&times(&scene, "6,18..22", MOST_EXTRA_TIMES));
     assert!(!dusk.is_empty() && dusk.iter().all(|h| (18.0..21.0).contains(h)), "{dusk:?}");
     // By day there is no need.
-    let noon = times(&scene, "11..15", MOST);
+    let noon = times(&scene, "11..15", MOST_EXTRA_TIMES);
     assert!(noon.added.is_empty() && noon.skipped().unwrap().starts_with("no extra times"), "{noon:?}");
     // 240 hours a day are what was asked for, and 72 are not.
-    assert_eq!(times(&scene, "0..24/0.1", MOST), ExtraTimes::default());
-    assert_eq!(times(&scene, "0..24/0.333", MOST).added.len(), MOST as usize);
+    assert_eq!(times(&scene, "0..24/0.1", MOST_EXTRA_TIMES), ExtraTimes::default());
+    assert_eq!(times(&scene, "0..24/0.333", MOST_EXTRA_TIMES).added.len(), MOST_EXTRA_TIMES as usize);
 }
 
 #[test]
 fn steady_light_draws_none() {
     let sky = Sky::Constant { radiance: DVec3::ONE };
-    assert_eq!(times(&scene(None, None, Some(sky.clone())), "0..24", MOST), ExtraTimes::default());
-    assert_eq!(times(&track(&[(0.0, 100.0)]), "0..24", MOST), ExtraTimes::default());
-    assert_eq!(times(&scene_without_light(), "0..24", MOST), ExtraTimes::default());
+    assert_eq!(
+        times(&scene(None, None, Some(sky.clone())), "0..24", MOST_EXTRA_TIMES),
+        ExtraTimes::default()
+    );
+    assert_eq!(times(&track(&[(0.0, 100.0)]), "0..24", MOST_EXTRA_TIMES), ExtraTimes::default());
+    assert_eq!(times(&scene_without_light(), "0..24", MOST_EXTRA_TIMES), ExtraTimes::default());
     // What lightmaps do not hold does not count.
     let unbaked = Scene { sun_baked: Baked::None, sky_baked: Baked::None, ..spring() };
-    assert_eq!(times(&unbaked, "0..24", MOST), ExtraTimes::default());
+    assert_eq!(times(&unbaked, "0..24", MOST_EXTRA_TIMES), ExtraTimes::default());
     let sunless = Scene { sun_baked: Baked::None, ..spring() };
-    assert!(!times(&sunless, "0..24", MOST).added.is_empty());
+    assert!(!times(&sunless, "0..24", MOST_EXTRA_TIMES).added.is_empty());
 }
 
 #[test]
 fn a_sun_that_jumps_gets_a_time_on_either_side() {
     // On within a second at 9:30, off at 15:20.
     let keys = [(0.0, 0.0), (9.5, 0.0), (9.5003, 80.0), (15.32, 80.0), (15.3203, 0.0), (23.0, 0.0)];
-    let extra = times(&track(&keys), "0..24", MOST);
+    let extra = times(&track(&keys), "0..24", MOST_EXTRA_TIMES);
     // The last dark minute and the first light one, the last light one and the first dark one.
     assert_eq!(hours_of(&extra), [9.5, 9.516667, 15.316667, 15.333333]);
     assert_eq!(extra.error_after, Some(0.0), "{extra:?}");
@@ -150,11 +153,11 @@ fn a_sun_that_jumps_gets_a_time_on_either_side() {
 #[test]
 fn the_midnight_sun_needs_few() {
     let scene = clear(75.0, (2026, 6, 21));
-    let extra = times(&scene, "0..24", MOST);
-    assert!(extra.added.is_empty() && extra.error_before.unwrap() <= BOUND, "{extra:?}");
+    let extra = times(&scene, "0..24", MOST_EXTRA_TIMES);
+    assert!(extra.added.is_empty() && extra.error_before.unwrap() <= MOST_ERROR, "{extra:?}");
     // A day of four times does not do, across midnight neither.
     let four = times(&scene, "0..24/6", 100);
-    assert!(four.error_before.unwrap() > BOUND && four.error_after.unwrap() <= BOUND, "{four:?}");
+    assert!(four.error_before.unwrap() > MOST_ERROR && four.error_after.unwrap() <= MOST_ERROR, "{four:?}");
 }
 
 #[test]

@@ -4,7 +4,7 @@
 use super::sky;
 use super::sun::SunDisc;
 use crate::Rgb;
-use crate::scene::{Place, Sky};
+use crate::scene::{Location, Sky};
 use glam::{DVec3, Vec2, Vec3};
 use std::f64::consts::{PI, TAU};
 
@@ -15,7 +15,7 @@ const RINGS: usize = 128;
 const SIDE: usize = 8;
 
 /// Radiance of ground of this albedo under the sky of an hour.
-pub fn under_sky(albedo: DVec3, sky: &Sky, place: Option<&Place>, hour: f64) -> Rgb {
+pub fn under_sky(albedo: DVec3, sky: &Sky, location: Option<&Location>, hour: f64) -> Rgb {
     // E = ∫ L y dω, and dω = dy dφ.
     let around = 2 * RINGS;
     let directions: Vec<Vec3> = (0..RINGS * around)
@@ -28,7 +28,7 @@ pub fn under_sky(albedo: DVec3, sky: &Sky, place: Option<&Place>, hour: f64) -> 
             DVec3::new(r * phi.cos(), y, r * phi.sin()).as_vec3()
         })
         .collect();
-    let radiances = sky::radiances(sky, place, hour, &directions);
+    let radiances = sky::radiances(sky, location, hour, &directions);
     let sum = radiances.iter().zip(&directions).map(|(l, d)| l.as_dvec3() * f64::from(d.y)).sum::<DVec3>();
     let irradiance = sum * (TAU / (RINGS * around) as f64);
     (albedo * irradiance / PI).as_vec3()

@@ -15,7 +15,7 @@ const TREE_FROM: usize = 8;
 
 /// The part of choices that goes evenly to all lights, whatever their importance: a faint lamp may be the
 /// only one that is not hidden.
-const EVEN: f32 = 1.0 / 64.0;
+const EVEN_SHARE: f32 = 1.0 / 64.0;
 
 /// Samples one light of a group at a time.
 #[derive(Clone, Debug)]
@@ -130,13 +130,13 @@ impl GroupSampler {
             Some(tree) => {
                 let n = self.len() as f32;
                 let importance = |light| self.importance(light, point, normal);
-                let (light, by_tree) = if choice < EVEN {
-                    let light = ((choice / EVEN * n) as u32).min(self.len() as u32 - 1);
+                let (light, by_tree) = if choice < EVEN_SHARE {
+                    let light = ((choice / EVEN_SHARE * n) as u32).min(self.len() as u32 - 1);
                     (light, tree.probability(point, normal, light, importance)?)
                 } else {
-                    tree.choose(point, normal, (choice - EVEN) / (1.0 - EVEN), importance)?
+                    tree.choose(point, normal, (choice - EVEN_SHARE) / (1.0 - EVEN_SHARE), importance)?
                 };
-                Some((light, (1.0 - EVEN) * by_tree + EVEN / n, u))
+                Some((light, (1.0 - EVEN_SHARE) * by_tree + EVEN_SHARE / n, u))
             }
         }
     }
@@ -148,7 +148,7 @@ impl GroupSampler {
             Some(tree) => {
                 let importance = |light| self.importance(light, point, normal);
                 let by_tree = tree.probability(point, normal, light, importance);
-                by_tree.map_or(0.0, |by_tree| (1.0 - EVEN) * by_tree + EVEN / self.len() as f32)
+                by_tree.map_or(0.0, |by_tree| (1.0 - EVEN_SHARE) * by_tree + EVEN_SHARE / self.len() as f32)
             }
         }
     }
@@ -195,7 +195,7 @@ impl Shares {
     /// In proportion to importance, but for the even part.
     fn probability(&self, light: usize) -> f32 {
         if self.of[light] > 0.0 {
-            (1.0 - EVEN) * (self.of[light] / self.total) + EVEN / self.able
+            (1.0 - EVEN_SHARE) * (self.of[light] / self.total) + EVEN_SHARE / self.able
         } else {
             0.0
         }

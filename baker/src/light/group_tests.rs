@@ -343,7 +343,7 @@ fn faint_lamps_are_not_starved() {
     for lamps in [vec![point(0.0, 1e8), point(1.0, 1.0)], many, vec![point(0.0, 1e12), point(1.0, 1e-12)]] {
         let group = GroupSampler::new(&lamps, &[], DVec3::ZERO);
         assert_eq!(group.len(), lamps.len());
-        let least = EVEN / lamps.len() as f32 * 0.99;
+        let least = EVEN_SHARE / lamps.len() as f32 * 0.99;
         for light in 0..lamps.len() as u32 {
             assert!(group.probability(Vec3::ZERO, Vec3::Y, light) >= least, "{light}");
         }

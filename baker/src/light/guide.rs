@@ -104,7 +104,7 @@ impl SkyGuide {
     /// The part of samples that looks at the picture, and the portals' importances. Even, where there are
     /// both.
     fn shares(&self, p: DVec3, n: DVec3) -> Option<ShareOf> {
-        let (mut total, mut first) = (0.0, [0.0; KNOWN]);
+        let (mut total, mut first) = (0.0, [0.0; MOST_KEPT_PORTALS]);
         for (i, opening) in self.portals.iter().enumerate() {
             let importance = opening.importance(p, n);
             total += importance;
@@ -123,13 +123,13 @@ impl SkyGuide {
 }
 
 /// Portals whose importance is kept while a direction is chosen; that of others is computed again.
-const KNOWN: usize = 8;
+const MOST_KEPT_PORTALS: usize = 8;
 
 struct ShareOf {
     picture: f64,
     total: f64,
     /// Importances of the first portals.
-    first: [f64; KNOWN],
+    first: [f64; MOST_KEPT_PORTALS],
 }
 
 impl ShareOf {

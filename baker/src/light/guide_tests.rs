@@ -5,8 +5,13 @@ use crate::scene::{Baked, Lightmap, Sampling, Sky, SkyImage};
 use dataset::image::Image;
 use std::sync::Arc;
 
-const PLACE: crate::scene::Place =
-    crate::scene::Place { latitude: 48.0, longitude: 11.0, utc_offset: 1.0, date: (2024, 5, 3), north: 20.0 };
+const LOCATION: crate::scene::Location = crate::scene::Location {
+    latitude: 48.0,
+    longitude: 11.0,
+    utc_offset: 1.0,
+    date: (2024, 5, 3),
+    north: 20.0,
+};
 
 fn random(state: &mut u64) -> f32 {
     *state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
@@ -17,7 +22,7 @@ fn scene(sky: Option<Sky>, portals: Vec<Portal>) -> Scene {
     Scene {
         name: "test".into(),
         description: String::new(),
-        place: Some(PLACE),
+        location: Some(LOCATION),
         sun: None,
         sky,
         sun_baked: Baked::All,
@@ -39,7 +44,7 @@ fn scene(sky: Option<Sky>, portals: Vec<Portal>) -> Scene {
 
 fn guide(sky: Option<Sky>, portals: Vec<Portal>) -> Option<SkyGuide> {
     let scene = scene(sky, portals);
-    let table = SkyTable::new(scene.sky.as_ref(), scene.place.as_ref(), &[12.0]);
+    let table = SkyTable::new(scene.sky.as_ref(), scene.location.as_ref(), &[12.0]);
     SkyGuide::new(&scene, &table, DVec3::new(100.0, 0.0, 0.0))
 }
 

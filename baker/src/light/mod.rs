@@ -3,7 +3,7 @@
 
 pub mod schedule;
 pub mod sun;
-pub mod course;
+pub mod visibility_times;
 pub mod curves;
 mod sky_image;
 pub mod harmonics;

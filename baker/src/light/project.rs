@@ -23,7 +23,7 @@ pub fn is_upper(scene: &Scene) -> bool {
         SunTrack::Authored(keys) => {
             keys.iter().all(|key| key.direction.normalize().y >= (sun.disc_angle / 2.0).to_radians().sin())
         }
-        SunTrack::Place { .. } => true,
+        SunTrack::Computed { .. } => true,
     });
     sky && sun
 }
@@ -39,7 +39,7 @@ pub fn coefficients(scene: &Scene, hours: &[f64]) -> Vec<Vec<[f64; 3]>> {
     let grid = Grid { rings, upper: is_upper(scene) };
     let factor = cholesky(Grid { rings: RINGS, ..grid }.gram());
     let of_sky = |hour: f64| match &scene.sky {
-        Some(sky) => grid.products(|d| sky::radiances(sky, scene.place.as_ref(), hour, d)),
+        Some(sky) => grid.products(|d| sky::radiances(sky, scene.location.as_ref(), hour, d)),
         None => [DVec3::ZERO; FUNCTIONS],
     };
     // Only the model's sky changes with the hour.
@@ -47,7 +47,7 @@ pub fn coefficients(scene: &Scene, hours: &[f64]) -> Vec<Vec<[f64; 3]>> {
     let still = hours.first().filter(|_| !changes).map(|&hour| of_sky(hour));
     let at = |&hour: &f64| {
         let mut b = still.unwrap_or_else(|| of_sky(hour));
-        let disc = scene.sun.as_ref().and_then(|sun| sun::at(sun, scene.place.as_ref(), hour));
+        let disc = scene.sun.as_ref().and_then(|sun| sun::at(sun, scene.location.as_ref(), hour));
         if let Some(disc) = disc {
             let irradiance = disc.irradiance.as_dvec3();
             b.iter_mut().zip(mean_over(&disc)).for_each(|(b, mean)| *b += irradiance * mean);

@@ -1,13 +1,13 @@
 //! Tests of the fit against light whose coefficients are known.
 
 use super::*;
-use crate::scene::{Baked, Lightmap, Place, Sampling, Sun, SunKey};
+use crate::scene::{Baked, Lightmap, Location, Sampling, Sun, SunKey};
 
 fn scene(sky: Option<Sky>, sun: Option<Sun>) -> Scene {
     Scene {
         name: String::new(),
         description: String::new(),
-        place: Some(Place {
+        location: Some(Location {
             latitude: 48.0,
             longitude: 11.0,
             utc_offset: 1.0,
@@ -86,11 +86,11 @@ fn a_sun_is_an_impulse_of_its_irradiance() {
 #[test]
 fn functions_end_at_the_horizon_where_all_light_does() {
     let constant = || Some(Sky::Constant { radiance: DVec3::ONE });
-    let place = || Some(Sun { disc_angle: 0.5, track: SunTrack::Place { turbidity: 3.0 } });
+    let location = || Some(Sun { disc_angle: 0.5, track: SunTrack::Computed { turbidity: 3.0 } });
     let cases = [
-        (Some(MODEL), place(), true),
-        (None, place(), true),
-        (constant(), place(), false),
+        (Some(MODEL), location(), true),
+        (None, location(), true),
+        (constant(), location(), false),
         (Some(MODEL), Some(authored(DVec3::new(0.6, 0.8, 0.0), 0.5)), true),
         (Some(MODEL), Some(authored(DVec3::new(0.6, -0.8, 0.0), 0.5)), false),
         (None, Some(authored(DVec3::new(0.6, -0.8, 0.0), 0.5)), false),
@@ -108,20 +108,21 @@ fn functions_end_at_the_horizon_where_all_light_does() {
 /// definition of least squares.
 #[test]
 fn the_fit_keeps_the_light_on_level_ground() {
-    let scene = scene(Some(MODEL), Some(Sun { disc_angle: 0.5, track: SunTrack::Place { turbidity: 3.0 } }));
-    let place = scene.place;
+    let scene =
+        scene(Some(MODEL), Some(Sun { disc_angle: 0.5, track: SunTrack::Computed { turbidity: 3.0 } }));
+    let location = scene.location;
     for hour in [6.0, 12.0, 21.0] {
         let grid = Grid { rings: 180, upper: true };
         let ground = |light: &(dyn Fn(&[Vec3]) -> Vec<Vec3> + Sync)| {
             grid.products(|d| light(d).into_iter().zip(d).map(|(l, d)| l * d.y).collect())[0]
         };
-        let sky = ground(&|d| sky::radiances(&MODEL, place.as_ref(), hour, d));
+        let sky = ground(&|d| sky::radiances(&MODEL, location.as_ref(), hour, d));
         let c = &coefficients(&scene, &[hour])[0];
         let sum = |d: &Vec3| {
             harmonics(*d).iter().zip(c).map(|(y, c)| DVec3::from_array(*c) * f64::from(*y)).sum::<DVec3>()
         };
         let fitted = ground(&|d| d.iter().map(|d| sum(d).as_vec3()).collect());
-        let sun = sun::at(scene.sun.as_ref().unwrap(), place.as_ref(), hour);
+        let sun = sun::at(scene.sun.as_ref().unwrap(), location.as_ref(), hour);
         // (Products are with the first function, which is constant.)
         let y0 = f64::from(harmonics(Vec3::Y)[0]);
         let of_sun = sun.map_or(DVec3::ZERO, |s| s.irradiance.as_dvec3() * f64::from(s.direction.y) * y0);

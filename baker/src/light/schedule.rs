@@ -59,7 +59,7 @@ pub struct TimePoint {
 /// Micro-hours in an hour, in a day, and in the greatest distance of an extra from its switch (0.1 h).
 const HOUR: i64 = 1_000_000;
 const DAY: i64 = 24 * HOUR;
-const REACH: i64 = HOUR / 10;
+const SWITCH_REACH: i64 = HOUR / 10;
 
 /// The finest step of a range, in micro-hours (0.001 h).
 const FINEST_STEP: i64 = HOUR / 1000;
@@ -198,7 +198,7 @@ pub fn time_points(hours: &Hours, groups: &[Group]) -> Vec<TimePoint> {
             let gap = if gap <= 0 { gap + DAY } else { gap };
             // (The middle of an odd gap is one time, seen from either end.)
             let half = if side < 0 && gap > 1 { gap - gap / 2 } else { gap / 2 };
-            let reach = REACH.min(half);
+            let reach = SWITCH_REACH.min(half);
             // Distance from the instant to a frame, going to this side.
             let shown = requested.iter().any(|&frame| {
                 let away = (side * (frame - instant)).rem_euclid(DAY);

@@ -4,7 +4,7 @@ use super::harmonics::{Harmonic, harmonics};
 use super::sky_image::ImageMap;
 use super::sky_model::SkyAt;
 use crate::Rgb;
-use crate::scene::{Place, Sky};
+use crate::scene::{Location, Sky};
 use glam::{Vec3, Vec3Swizzles, Vec4};
 use std::f32::consts::FRAC_PI_4;
 
@@ -43,11 +43,11 @@ const GROUP: usize = 4;
 
 impl SkyTable {
     /// Tabulates the sky at `hours`.
-    pub fn new(sky: Option<&Sky>, place: Option<&Place>, hours: &[f64]) -> Self {
+    pub fn new(sky: Option<&Sky>, location: Option<&Location>, hours: &[f64]) -> Self {
         let Some(sky) = sky else { return Self { lit: Vec::new(), store: Store::Constant(Rgb::ZERO) } };
         let (mut lit, mut skies) = (Vec::new(), Vec::new());
         for (k, &hour) in hours.iter().enumerate() {
-            let at = SkyAt::new(sky, place, hour);
+            let at = SkyAt::new(sky, location, hour);
             if !at.is_black() {
                 lit.push(k);
                 skies.push(at);

@@ -9,20 +9,20 @@ use super::harmonics::{Harmonic, harmonics, part_at};
 use super::sky_image::ImageMap;
 use super::{luminance, sun};
 use crate::Rgb;
-use crate::scene::{Place, Sky};
+use crate::scene::{Location, Sky};
 use glam::{Vec2, Vec3};
 use hw_skymodel::rgb::{Channel, SkyParams, SkyState};
 use rayon::prelude::*;
 use std::f32::consts::{FRAC_PI_2, PI};
 
 /// Radiance of the sky model itself, without the table.
-pub fn radiance(sky: &Sky, place: Option<&Place>, hour: f64, direction: Vec3) -> Rgb {
-    SkyAt::new(sky, place, hour).radiance(direction)
+pub fn radiance(sky: &Sky, location: Option<&Location>, hour: f64, direction: Vec3) -> Rgb {
+    SkyAt::new(sky, location, hour).radiance(direction)
 }
 
 /// [`radiance`] in several directions.
-pub fn radiances(sky: &Sky, place: Option<&Place>, hour: f64, directions: &[Vec3]) -> Vec<Rgb> {
-    let at = SkyAt::new(sky, place, hour);
+pub fn radiances(sky: &Sky, location: Option<&Location>, hour: f64, directions: &[Vec3]) -> Vec<Rgb> {
+    let at = SkyAt::new(sky, location, hour);
     directions.iter().map(|&direction| at.radiance(direction)).collect()
 }
 
@@ -67,11 +67,11 @@ pub(super) struct Dome {
 
 impl SkyAt {
     /// A sky that follows the sun is black without a place.
-    pub(super) fn new(sky: &Sky, place: Option<&Place>, hour: f64) -> Self {
-        match (sky, place) {
+    pub(super) fn new(sky: &Sky, location: Option<&Location>, hour: f64) -> Self {
+        match (sky, location) {
             (Sky::Constant { radiance }, _) => Self::Constant(radiance.as_vec3()),
-            (Sky::HosekWilkie { turbidity, ground_albedo }, Some(place)) => {
-                let (sun, elevation) = sun::direction(place, hour);
+            (Sky::HosekWilkie { turbidity, ground_albedo }, Some(location)) => {
+                let (sun, elevation) = sun::direction(location, hour);
                 Self::Dome(Dome::new(sun, elevation, *turbidity, *ground_albedo))
             }
             (Sky::Image(image), _) => Self::Image(ImageMap::new(image)),
@@ -190,8 +190,8 @@ fn smoothstep(t: f64) -> f32 {
 }
 
 /// Irradiance of a horizontal surface under a sky at an hour, in kilolux.
-pub(super) fn irradiance(sky: &Sky, place: Option<&Place>, hour: f64) -> Rgb {
-    let at = SkyAt::new(sky, place, hour);
+pub(super) fn irradiance(sky: &Sky, location: Option<&Location>, hour: f64) -> Rgb {
+    let at = SkyAt::new(sky, location, hour);
     irradiance_by(32, |direction| at.radiance(direction))
 }
 
@@ -216,7 +216,7 @@ fn irradiance_by(n: u32, sky: impl Fn(Vec3) -> Rgb) -> Rgb {
 /// Horizontal illuminance of a sky over time, without its directions: a hundred times cheaper than the sky
 /// itself.
 pub struct Illuminance<'a> {
-    place: Option<&'a Place>,
+    location: Option<&'a Location>,
     /// Of a sky that is the same all day, kilolux.
     steady: f64,
     /// Of a clear sky, kilolux by whole degrees of the sun's elevation from 0 to 90: by day it depends on
@@ -226,9 +226,9 @@ pub struct Illuminance<'a> {
 
 impl<'a> Illuminance<'a> {
     /// Tabulates a sky, if there is one.
-    pub fn new(sky: Option<&Sky>, place: Option<&'a Place>) -> Self {
-        let mut illuminance = Self { place, steady: 0.0, by_degree: Vec::new() };
-        match (sky, place) {
+    pub fn new(sky: Option<&Sky>, location: Option<&'a Location>) -> Self {
+        let mut illuminance = Self { location, steady: 0.0, by_degree: Vec::new() };
+        match (sky, location) {
             (Some(Sky::HosekWilkie { turbidity, ground_albedo }), Some(_)) => {
                 let of_degree = |degree: u32| {
                     let elevation = f64::from(degree);
@@ -240,7 +240,7 @@ impl<'a> Illuminance<'a> {
                 illuminance.by_degree = (0..=90).into_par_iter().map(of_degree).collect();
             }
             (Some(sky @ (Sky::Constant { .. } | Sky::Image(_))), _) => {
-                let at = SkyAt::new(sky, place, 0.0);
+                let at = SkyAt::new(sky, location, 0.0);
                 illuminance.steady = f64::from(horizontal_illuminance(|direction| at.radiance(direction)));
             }
             _ => {}
@@ -250,10 +250,10 @@ impl<'a> Illuminance<'a> {
 
     /// In kilolux.
     pub fn at(&self, hour: f64) -> f64 {
-        let (Some(place), Some(&at_horizon)) = (self.place, self.by_degree.first()) else {
+        let (Some(location), Some(&at_horizon)) = (self.location, self.by_degree.first()) else {
             return self.steady;
         };
-        let (_, elevation) = sun::direction(place, hour);
+        let (_, elevation) = sun::direction(location, hour);
         if elevation < 0.0 {
             return twilight_illuminance(-elevation, at_horizon);
         }

@@ -38,13 +38,13 @@ fn noon_ratio_of_sun_to_sky_matches_published_clear_skies() {
     for (latitude, date) in
         [(50.0, (2024, 6, 21)), (40.0, (2024, 3, 20)), (45.0, (2024, 12, 21)), (23.4, (2024, 6, 21))]
     {
-        let place = Place { latitude, longitude: 0.0, utc_offset: 0.0, date, north: 30.0 };
-        let (_, elevation) = sun::direction(&place, 12.0);
-        let disc = Sun { disc_angle: 0.533, track: SunTrack::Place { turbidity: 2.0 } };
-        let disc = sun::at(&disc, Some(&place), 12.0).unwrap();
+        let location = Location { latitude, longitude: 0.0, utc_offset: 0.0, date, north: 30.0 };
+        let (_, elevation) = sun::direction(&location, 12.0);
+        let disc = Sun { disc_angle: 0.533, track: SunTrack::Computed { turbidity: 2.0 } };
+        let disc = sun::at(&disc, Some(&location), 12.0).unwrap();
         let direct = luminance(disc.irradiance) * disc.direction.y;
         let sky = Sky::HosekWilkie { turbidity: 2.0, ground_albedo: 0.2 };
-        let sky = SkyAt::new(&sky, Some(&place), 12.0);
+        let sky = SkyAt::new(&sky, Some(&location), 12.0);
         let ours = f64::from(direct / horizontal_illuminance(|d| sky.radiance(d)));
         let sine = elevation.to_radians().sin();
         let published = 128.0 * (-0.21 / sine).exp() * sine / (0.8 + 15.5 * sine.sqrt());
@@ -139,35 +139,37 @@ fn twilight_is_blue_overhead_and_bright_over_the_sun() {
 
 #[test]
 fn nothing_below_the_horizon_but_a_constant_sky() {
-    let place = Place { latitude: 0.0, longitude: 0.0, utc_offset: 0.0, date: (2024, 3, 20), north: 0.0 };
+    let location =
+        Location { latitude: 0.0, longitude: 0.0, utc_offset: 0.0, date: (2024, 3, 20), north: 0.0 };
     let sky = Sky::HosekWilkie { turbidity: 3.0, ground_albedo: 0.2 };
     let down = Vec3::new(0.6, -0.001, 0.8);
     for hour in [0.0, 6.0, 12.0, 18.2] {
-        assert_eq!(radiance(&sky, Some(&place), hour, down), Rgb::ZERO);
-        assert!(radiance(&sky, Some(&place), hour, -down).min_element() > 0.0);
+        assert_eq!(radiance(&sky, Some(&location), hour, down), Rgb::ZERO);
+        assert!(radiance(&sky, Some(&location), hour, -down).min_element() > 0.0);
     }
     assert_eq!(radiance(&sky, None, 12.0, Vec3::Y), Rgb::ZERO);
     let constant = Sky::Constant { radiance: glam::DVec3::new(1.0, 2.0, 3.0) };
     assert_eq!(radiance(&constant, None, 12.0, down), Rgb::new(1.0, 2.0, 3.0));
     // Values beyond the model's domain are clamped into it, never a panic.
     let odd = Sky::HosekWilkie { turbidity: 0.0, ground_albedo: 7.0 };
-    assert!(radiance(&odd, Some(&place), 12.0, Vec3::Y).is_finite());
+    assert!(radiance(&odd, Some(&location), 12.0, Vec3::Y).is_finite());
 }
 
 /// From deep night to noon, and on both sides of sunset: as the sky itself gives it, within two hundredths.
 #[test]
 fn illuminance_over_time_is_that_of_the_sky() {
-    let place = Place { latitude: 48.2, longitude: 16.4, utc_offset: 2.0, date: (2026, 4, 12), north: 0.0 };
+    let location =
+        Location { latitude: 48.2, longitude: 16.4, utc_offset: 2.0, date: (2026, 4, 12), north: 0.0 };
     let clear = Sky::HosekWilkie { turbidity: 3.0, ground_albedo: 0.2 };
     let even = Sky::Constant { radiance: glam::DVec3::splat(2.0) };
     for (sky, tolerance) in [(&clear, 0.02), (&even, 1e-4)] {
-        let illuminance = Illuminance::new(Some(sky), Some(&place));
+        let illuminance = Illuminance::new(Some(sky), Some(&location));
         for hour in [0.0, 5.5, 6.0, 6.2, 6.5, 9.3, 13.0, 18.75, 19.4, 19.75, 20.0, 20.5, 21.3] {
-            let at = SkyAt::new(sky, Some(&place), hour);
+            let at = SkyAt::new(sky, Some(&location), hour);
             let expected = f64::from(horizontal_illuminance(|direction| at.radiance(direction)));
             let found = illuminance.at(hour);
             assert!((found / expected - 1.0).abs() < tolerance, "{hour} h: {found}, not {expected}");
         }
     }
-    assert_eq!(Illuminance::new(None, Some(&place)).at(12.0), 0.0);
+    assert_eq!(Illuminance::new(None, Some(&location)).at(12.0), 0.0);
 }

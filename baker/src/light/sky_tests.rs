@@ -4,8 +4,8 @@ use super::*;
 use crate::light::luminance;
 use glam::{DVec3, Vec2};
 
-const PLACE: Place =
-    Place { latitude: 48.0, longitude: 11.0, utc_offset: 1.0, date: (2024, 5, 3), north: 20.0 };
+const LOCATION: Location =
+    Location { latitude: 48.0, longitude: 11.0, utc_offset: 1.0, date: (2024, 5, 3), north: 20.0 };
 const SKY: Sky = Sky::HosekWilkie { turbidity: 3.0, ground_albedo: 0.3 };
 
 /// Points spread evenly over [0, 1)² (the R2 sequence).
@@ -36,9 +36,9 @@ fn the_map_is_its_own_inverse() {
 #[test]
 fn tilted_planes_get_the_same_light() {
     let hours: Vec<f64> = (0..24).map(f64::from).collect();
-    let table = SkyTable::new(Some(&SKY), Some(&PLACE), &hours);
+    let table = SkyTable::new(Some(&SKY), Some(&LOCATION), &hours);
     assert_eq!(table.lit, (0..24).collect::<Vec<_>>());
-    let skies: Vec<SkyAt> = hours.iter().map(|&h| SkyAt::new(&SKY, Some(&PLACE), h)).collect();
+    let skies: Vec<SkyAt> = hours.iter().map(|&h| SkyAt::new(&SKY, Some(&LOCATION), h)).collect();
     // No direction is off by more than 3 % of its own or the mean radiance (worst: within 0.03° of the
     // horizon at sunrise).
     let mean = |sky: &SkyAt| {
@@ -89,9 +89,9 @@ fn hours_do_not_depend_on_each_other() {
     let beta = Rgb::new(0.5, 1.0, 2.0);
     for count in [1, 3, 4, 7, 9] {
         let hours: Vec<f64> = (0..count).map(|k| f64::from(k) * 24.0 / f64::from(count)).collect();
-        let table = SkyTable::new(Some(&SKY), Some(&PLACE), &hours);
+        let table = SkyTable::new(Some(&SKY), Some(&LOCATION), &hours);
         let singles: Vec<SkyTable> =
-            hours.iter().map(|&h| SkyTable::new(Some(&SKY), Some(&PLACE), &[h])).collect();
+            hours.iter().map(|&h| SkyTable::new(Some(&SKY), Some(&LOCATION), &[h])).collect();
         for direction in [Vec3::Y, Vec3::X, Vec3::new(0.36, 0.48, -0.8), Vec3::new(-0.6, 1e-7, -0.8)] {
             let mut out = vec![Rgb::ONE; hours.len()];
             table.add(direction, beta, &mut out);
@@ -99,7 +99,7 @@ fn hours_do_not_depend_on_each_other() {
                 let mut single = [Rgb::ONE];
                 singles[k].add(direction, beta, &mut single);
                 assert_eq!(out[k], single[0], "{count} hours, {hour} towards {direction}");
-                let model = Rgb::ONE + beta * radiance(&SKY, Some(&PLACE), hour, direction);
+                let model = Rgb::ONE + beta * radiance(&SKY, Some(&LOCATION), hour, direction);
                 assert!((out[k] - model).abs().max_element() < 0.02 * model.max_element());
             }
         }
@@ -109,12 +109,12 @@ fn hours_do_not_depend_on_each_other() {
 /// The horizon is as bright as the model's, and black just below.
 #[test]
 fn the_horizon_does_not_fade() {
-    let table = SkyTable::new(Some(&SKY), Some(&PLACE), &[12.0]);
+    let table = SkyTable::new(Some(&SKY), Some(&LOCATION), &[12.0]);
     for i in 0..100 {
         let (sin, cos) = (i as f32 * 0.0628).sin_cos();
         let mut out = [Rgb::ZERO];
         table.add(Vec3::new(cos, 0.0, sin), Rgb::ONE, &mut out);
-        let model = radiance(&SKY, Some(&PLACE), 12.0, Vec3::new(cos, 0.0, sin));
+        let model = radiance(&SKY, Some(&LOCATION), 12.0, Vec3::new(cos, 0.0, sin));
         assert!((out[0] / model - 1.0).abs().max_element() < 0.01, "{i}: {} {model}", out[0]);
         let below = out;
         table.add(Vec3::new(cos, -1e-6, sin), Rgb::ONE, &mut out);
@@ -135,5 +135,5 @@ fn constant_and_missing_skies() {
         assert!(table.lit.is_empty());
         table.add(Vec3::Y, Rgb::ONE, &mut []);
     }
-    SkyTable::new(Some(&SKY), Some(&PLACE), &[]).add(Vec3::Y, Rgb::ONE, &mut []);
+    SkyTable::new(Some(&SKY), Some(&LOCATION), &[]).add(Vec3::Y, Rgb::ONE, &mut []);
 }

@@ -1,9 +1,9 @@
 //! The sun at an hour: where it stands, what it gives, and how its disc is sampled.
 
 use crate::Rgb;
-use crate::scene::{Place, Sun, SunKey, SunTrack};
+use crate::scene::{Location, Sun, SunKey, SunTrack};
 use glam::{DVec3, Vec2, Vec3};
-use solar_positioning::{Location, SolarPositions, delta_t, time::JulianDate};
+use solar_positioning::{SolarPositions, delta_t, time::JulianDate};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// The sun's disc at one time, as far as it stands above the horizon (authored suns have no horizon).
@@ -188,44 +188,45 @@ fn visible_fraction(elevation: f64, delta: f64) -> f64 {
 
 /// Why no sun position can be computed for this place and date, in a sentence; `Ok` when one can, for any
 /// hour.
-pub fn check(place: &Place) -> Result<(), String> {
+pub fn check(location: &Location) -> Result<(), String> {
     for hour in [0.0, 24.0] {
-        position(place, hour).map_err(|error| error.to_string())?;
+        position(location, hour).map_err(|error| error.to_string())?;
     }
     Ok(())
 }
 
 /// Unit vector towards the sun, and its elevation in degrees (unrefracted apparent centre), at a local hour.
 /// Where [`check`] fails the sun is at the nadir.
-pub fn direction(place: &Place, hour: f64) -> (Vec3, f64) {
-    let Ok((azimuth, elevation)) = position(place, hour) else { return (Vec3::NEG_Y, -90.0) };
+pub fn direction(location: &Location, hour: f64) -> (Vec3, f64) {
+    let Ok((azimuth, elevation)) = position(location, hour) else { return (Vec3::NEG_Y, -90.0) };
     // Azimuth runs clockwise from north, and north clockwise from −Z.
-    let (sin_azimuth, cos_azimuth) = (azimuth + place.north).to_radians().sin_cos();
+    let (sin_azimuth, cos_azimuth) = (azimuth + location.north).to_radians().sin_cos();
     let (sin_elevation, cos_elevation) = elevation.to_radians().sin_cos();
     let direction = DVec3::new(sin_azimuth * cos_elevation, sin_elevation, -cos_azimuth * cos_elevation);
     (direction.as_vec3(), elevation)
 }
 
 /// Azimuth and elevation in degrees by the SPA of Reda & Andreas 2004, without refraction, at sea level.
-fn position(place: &Place, hour: f64) -> solar_positioning::Result<(f64, f64)> {
-    let (year, month, day) = place.date;
+fn position(location: &Location, hour: f64) -> solar_positioning::Result<(f64, f64)> {
+    let (year, month, day) = location.date;
     let delta_t = delta_t::estimate_from_date(year, month)?;
     let midnight = JulianDate::from_utc(year, month, day, 0, 0, 0.0, delta_t)?;
-    let time = JulianDate::new(midnight.julian_date() + (hour - place.utc_offset) / 24.0, delta_t)?;
-    let location = Location { latitude: place.latitude, longitude: place.longitude };
-    let sun = SolarPositions::new().at_from_julian(time, location, 0.0, None)?;
+    let time = JulianDate::new(midnight.julian_date() + (hour - location.utc_offset) / 24.0, delta_t)?;
+    let coordinates =
+        solar_positioning::Location { latitude: location.latitude, longitude: location.longitude };
+    let sun = SolarPositions::new().at_from_julian(time, coordinates, 0.0, None)?;
     Ok((sun.azimuth(), sun.elevation_angle()))
 }
 
 /// The sun at `hour`; `None` when none of it is above the horizon or it gives no light (or it follows a place
 /// and there is none).
-pub fn at(sun: &Sun, place: Option<&Place>, hour: f64) -> Option<SunDisc> {
+pub fn at(sun: &Sun, location: Option<&Location>, hour: f64) -> Option<SunDisc> {
     let delta = (0.5 * sun.disc_angle).to_radians();
     // From perpendicular irradiance of the whole disc, π L sin²δ, to ∫ L dω = 2π L (1 − cos δ).
     let to_integral = 2.0 / (1.0 + delta.cos());
     let (direction, irradiance, horizon) = match &sun.track {
-        SunTrack::Place { turbidity } => {
-            let (direction, elevation) = direction(place?, hour);
+        SunTrack::Computed { turbidity } => {
+            let (direction, elevation) = direction(location?, hour);
             let visible = visible_fraction(elevation.to_radians(), delta);
             (direction, clear_air_irradiance(elevation, *turbidity) * visible, true)
         }

@@ -3,14 +3,14 @@
 
 use super::*;
 
-const BERLIN: Place =
-    Place { latitude: 52.5, longitude: 13.4, utc_offset: 2.0, date: (2024, 6, 21), north: 0.0 };
+const BERLIN: Location =
+    Location { latitude: 52.5, longitude: 13.4, utc_offset: 2.0, date: (2024, 6, 21), north: 0.0 };
 
 /// NREL's worked example of the SPA (Reda & Andreas 2004, table A5.1): azimuth 194.34024°, elevation before
 /// refraction 39.87205°.
 #[test]
 fn position_matches_the_spa_example() {
-    let golden = Place {
+    let golden = Location {
         latitude: 39.742476,
         longitude: -105.1786,
         utc_offset: -7.0,
@@ -39,7 +39,7 @@ fn the_sun_runs_from_east_over_south_to_west() {
     // Solstice: 90° − latitude + obliquity.
     assert!((height - (90.0 - 52.5 + 23.44)).abs() < 0.05, "{height}");
     // North turned to +X: south, where the sun is at noon, is −X.
-    let (turned, _) = direction(&Place { north: 90.0, ..BERLIN }, 13.1);
+    let (turned, _) = direction(&Location { north: 90.0, ..BERLIN }, 13.1);
     assert!(turned.x < -0.3 && (turned.y - noon.y).abs() < 1e-6);
     assert!((turned.x + noon.z).abs() < 1e-5 && (turned.z - noon.x).abs() < 1e-5);
 }
@@ -48,9 +48,9 @@ fn the_sun_runs_from_east_over_south_to_west() {
 fn a_date_out_of_reach_is_an_error_not_a_panic() {
     assert!(check(&BERLIN).is_ok());
     for date in [(9000, 1, 1), (2024, 13, 1), (2024, 0, 1), (2024, 1, 77)] {
-        let place = Place { date, ..BERLIN };
-        assert!(check(&place).is_err(), "{date:?}");
-        assert_eq!(direction(&place, 12.0).0, Vec3::NEG_Y);
+        let location = Location { date, ..BERLIN };
+        assert!(check(&location).is_err(), "{date:?}");
+        assert_eq!(direction(&location, 12.0).0, Vec3::NEG_Y);
     }
 }
 
@@ -218,7 +218,7 @@ fn authored_tracks_interpolate_around_midnight() {
 
 #[test]
 fn sunrise_is_continuous() {
-    let sun = Sun { disc_angle: 0.533, track: SunTrack::Place { turbidity: 3.0 } };
+    let sun = Sun { disc_angle: 0.533, track: SunTrack::Computed { turbidity: 3.0 } };
     let light = |hour: f64| {
         at(&sun, Some(&BERLIN), hour).map_or(0.0, |disc| luminance_of(disc.irradiance.as_dvec3()))
     };
@@ -236,10 +236,10 @@ fn sunrise_is_continuous() {
 }
 
 /// The hour between `low` and `high` at which the sun's centre stands at `elevation` degrees.
-fn hour_at(place: &Place, elevation: f64, mut low: f64, mut high: f64) -> f64 {
+fn hour_at(location: &Location, elevation: f64, mut low: f64, mut high: f64) -> f64 {
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
-        if direction(place, middle).1 < elevation { low = middle } else { high = middle }
+        if direction(location, middle).1 < elevation { low = middle } else { high = middle }
     }
     0.5 * (low + high)
 }
@@ -248,7 +248,7 @@ fn hour_at(place: &Place, elevation: f64, mut low: f64, mut high: f64) -> f64 {
 /// is all its light, samples stand above the horizon, and the light grows with the visible part.
 #[test]
 fn the_sun_at_the_horizon() {
-    let sun = Sun { disc_angle: 0.533, track: SunTrack::Place { turbidity: 3.0 } };
+    let sun = Sun { disc_angle: 0.533, track: SunTrack::Computed { turbidity: 3.0 } };
     let mut last = 0.0;
     for elevation in [-0.266, -0.1, -0.01, -1e-4, 0.0, 1e-4, 0.01, 0.1, 0.266] {
         let hour = hour_at(&BERLIN, elevation, 3.0, 9.0);
@@ -278,23 +278,24 @@ fn the_sun_at_the_horizon() {
 #[test]
 fn polar_day_and_night() {
     use crate::scene::Sky;
-    let sun = Sun { disc_angle: 0.533, track: SunTrack::Place { turbidity: 3.0 } };
-    let place = |latitude, date| Place { latitude, longitude: 15.0, utc_offset: 1.0, date, north: 0.0 };
+    let sun = Sun { disc_angle: 0.533, track: SunTrack::Computed { turbidity: 3.0 } };
+    let location = |latitude, date| Location { latitude, longitude: 15.0, utc_offset: 1.0, date, north: 0.0 };
     let sky = Sky::HosekWilkie { turbidity: 3.0, ground_albedo: 0.6 };
-    let suns = |place: &Place| (0..24).filter(|&h| at(&sun, Some(place), f64::from(h)).is_some()).count();
-    let (summer, winter) = (place(80.0, (2026, 6, 21)), place(80.0, (2026, 12, 21)));
+    let suns =
+        |location: &Location| (0..24).filter(|&h| at(&sun, Some(location), f64::from(h)).is_some()).count();
+    let (summer, winter) = (location(80.0, (2026, 6, 21)), location(80.0, (2026, 12, 21)));
     assert_eq!((suns(&summer), suns(&winter)), (24, 0));
-    let equinox = place(90.0, (2026, 3, 20));
+    let equinox = location(90.0, (2026, 3, 20));
     assert!(suns(&equinox) > 0);
     let mut brightest = [0.0f32; 3];
-    for (place, brightest) in [summer, winter, equinox].iter().zip(&mut brightest) {
+    for (location, brightest) in [summer, winter, equinox].iter().zip(&mut brightest) {
         for hour in 0..24 {
-            if let Some(disc) = at(&sun, Some(place), f64::from(hour)) {
+            if let Some(disc) = at(&sun, Some(location), f64::from(hour)) {
                 assert!(disc.irradiance.is_finite() && disc.irradiance.min_element() >= 0.0);
                 assert!(disc.sample(Vec2::splat(0.3)).y >= 0.0);
             }
             for d in [Vec3::Y, Vec3::X, Vec3::new(0.6, 0.64, -0.48), Vec3::new(0.8, 1e-6, 0.6)] {
-                let radiance = crate::light::sky::radiance(&sky, Some(place), f64::from(hour), d);
+                let radiance = crate::light::sky::radiance(&sky, Some(location), f64::from(hour), d);
                 assert!(
                     radiance.is_finite() && radiance.min_element() >= 0.0 && radiance.max_element() > 0.0
                 );

@@ -2,16 +2,16 @@
 //! Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting").
 //!
 //! Splitting serves to know more, not to take more samples: from the root, those nodes that are large as seen
-//! from the receiver are opened until a front of [`FRONT`] nodes stands, one of which is chosen; below it the
-//! descent chooses between two children at a time. Where the front reaches single lights the choice is the
-//! exact one.
+//! from the receiver are opened until a front of [`FRONT_NODES`] nodes stands, one of which is chosen; below
+//! it the descent chooses between two children at a time. Where the front reaches single lights the choice is
+//! the exact one.
 
 use super::lamp::Outline;
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
 
 /// Nodes of the front.
-const FRONT: usize = 20;
+const FRONT_NODES: usize = 20;
 /// A node is opened only if its radius is more than this part of its distance.
 const OPEN_ABOVE: f32 = 0.15;
 /// Bins per axis when building.
@@ -51,7 +51,7 @@ struct Node {
 
 /// A few nodes that together hold every light, and their importances.
 struct Front {
-    nodes: [(u32, f32); FRONT],
+    nodes: [(u32, f32); FRONT_NODES],
     len: usize,
     total: f32,
 }
@@ -153,18 +153,18 @@ impl LightTree {
     }
 
     fn front(&self, p: Vec3, n: Vec3, exact: &impl Fn(u32) -> f32) -> Front {
-        let mut nodes = [(0, 0.0); FRONT];
+        let mut nodes = [(0, 0.0); FRONT_NODES];
         // How much may be gained by opening each: the most it may give, if it is large.
-        let mut worth = [0.0; FRONT];
-        let look = |node: u32| {
-            let (importance, most) = self.look(node, p, n, exact);
+        let mut worth = [0.0; FRONT_NODES];
+        let bounds_of = |node: u32| {
+            let (importance, most) = self.bounds_of(node, p, n, exact);
             let at = &self.nodes[node as usize];
             let large = at.radius > OPEN_ABOVE * p.distance(at.centre);
             ((node, importance), if large { most } else { 0.0 })
         };
-        (nodes[0], worth[0]) = look(0);
+        (nodes[0], worth[0]) = bounds_of(0);
         let mut len = 1;
-        while len < FRONT {
+        while len < FRONT_NODES {
             let mut most = 0;
             for i in 1..len {
                 if worth[i] > worth[most] {
@@ -175,8 +175,8 @@ impl LightTree {
                 break;
             }
             let node = nodes[most].0;
-            (nodes[most], worth[most]) = look(node + 1);
-            (nodes[len], worth[len]) = look(self.nodes[node as usize].second);
+            (nodes[most], worth[most]) = bounds_of(node + 1);
+            (nodes[len], worth[len]) = bounds_of(self.nodes[node as usize].second);
             len += 1;
         }
         let total = nodes[..len].iter().map(|(_, importance)| importance).sum();
@@ -185,11 +185,11 @@ impl LightTree {
 
     /// A guess of the irradiance a node's lights give: 0 only where none can give any.
     fn importance(&self, node: u32, p: Vec3, n: Vec3, exact: &impl Fn(u32) -> f32) -> f32 {
-        self.look(node, p, n, exact).0
+        self.bounds_of(node, p, n, exact).0
     }
 
     /// The guess, and for an inner node the most that they could give if all stood where the box is nearest.
-    fn look(&self, node: u32, p: Vec3, n: Vec3, exact: &impl Fn(u32) -> f32) -> (f32, f32) {
+    fn bounds_of(&self, node: u32, p: Vec3, n: Vec3, exact: &impl Fn(u32) -> f32) -> (f32, f32) {
         let node = &self.nodes[node as usize];
         if node.second == 0 {
             return (exact(self.lights[node.first as usize]), 0.0);
@@ -201,14 +201,14 @@ impl LightTree {
         let distance = distance2.sqrt().max(radius);
         // Heights over the receiver's plane: the middle's, and how far the box reaches beyond it.
         let (height, reach) = (offset.dot(n), node.half.dot(n.abs()));
-        if height + reach < -SLACK * distance {
+        if height + reach < -COSINE_SLACK * distance {
             return (0.0, 0.0);
         }
         // Distance of the box; no less than a part of its size, for there is no bound in it.
         let nearest = ((node.centre - p).abs() - node.half).max(Vec3::ZERO).length();
         let near = nearest.max(0.01 * radius);
-        let mut from_middle = (positive_part(height, reach) / distance).max(SLACK);
-        let mut from_nearest = ((height + reach) / near).clamp(SLACK, 1.0);
+        let mut from_middle = (positive_part(height, reach) / distance).max(COSINE_SLACK);
+        let mut from_nearest = ((height + reach) / near).clamp(COSINE_SLACK, 1.0);
         // The same at the lights: heights over the planes of the cone's nearest normal.
         if node.cos_spread > -1.0 {
             let (height, reach) = (-offset.dot(node.axis), node.half.dot(node.axis.abs()));
@@ -216,17 +216,22 @@ impl LightTree {
                 // The greatest cosine to a normal: the angle to the axis less the cone's and the ball's.
                 let sin2_ball = radius * radius / distance2;
                 let cosine = cos_within(height / distance, node.cos_spread, node.sin_spread);
-                if cos_within(cosine, (1.0 - sin2_ball).sqrt(), sin2_ball.sqrt()) < node.cos_reach - SLACK {
+                if cos_within(cosine, (1.0 - sin2_ball).sqrt(), sin2_ball.sqrt())
+                    < node.cos_reach - COSINE_SLACK
+                {
                     return (0.0, 0.0);
                 }
-            } else if node.sin_spread == 0.0 && node.cos_reach >= 0.0 && height + reach < -SLACK * distance {
+            } else if node.sin_spread == 0.0
+                && node.cos_reach >= 0.0
+                && height + reach < -COSINE_SLACK * distance
+            {
                 return (0.0, 0.0);
             }
             let cosine = cos_within((height / distance).clamp(-1.0, 1.0), node.cos_spread, node.sin_spread);
             let aside = (reach * node.cos_spread.max(0.0) + radius * node.sin_spread) / distance;
-            from_middle *= positive_part(cosine, aside).max(SLACK);
+            from_middle *= positive_part(cosine, aside).max(COSINE_SLACK);
             let cosine = ((height + reach) / near).clamp(-1.0, 1.0);
-            from_nearest *= cos_within(cosine, node.cos_spread, node.sin_spread).max(SLACK);
+            from_nearest *= cos_within(cosine, node.cos_spread, node.sin_spread).max(COSINE_SLACK);
         }
         let from_middle = from_middle / (distance * distance);
         let from_nearest = from_nearest / (near * near);
@@ -238,16 +243,20 @@ impl LightTree {
         let bounded = |x: f32| {
             let importance = node.intensity * x;
             // (At the very place of all lights it is no number.)
-            if importance.is_nan() { LARGEST } else { importance.clamp(f32::MIN_POSITIVE, LARGEST) }
+            if importance.is_nan() {
+                LARGEST_IMPORTANCE
+            } else {
+                importance.clamp(f32::MIN_POSITIVE, LARGEST_IMPORTANCE)
+            }
         };
         (bounded(guess), bounded(from_nearest))
     }
 }
 
 /// What rounding may do to a cosine here.
-const SLACK: f32 = 1e-4;
+const COSINE_SLACK: f32 = 1e-4;
 /// The largest importance: sums stay finite.
-const LARGEST: f32 = 1e30;
+const LARGEST_IMPORTANCE: f32 = 1e30;
 /// The number below 1.
 const ONE_BELOW: f32 = 1.0 - f32::EPSILON / 2.0;
 
@@ -420,7 +429,7 @@ impl Bound {
             cos_spread: if all { -1.0 } else { spread.cos() as f32 },
             sin_spread: if all { 0.0 } else { spread.sin() as f32 },
             cos_reach: self.reach.cos() as f32,
-            intensity: (self.intensity as f32).clamp(f32::MIN_POSITIVE, LARGEST),
+            intensity: (self.intensity as f32).clamp(f32::MIN_POSITIVE, LARGEST_IMPORTANCE),
             first,
             count,
             second: 0,

@@ -2,7 +2,7 @@
 
 use super::blend::Blend;
 use super::bundle::{Compressed, of_bundle};
-use super::places::Places;
+use super::triangle_layout::TriangleLayout;
 use crate::{Result, Rgb};
 use dataset::image::Image;
 use dataset::store::Dataset;
@@ -10,13 +10,13 @@ use glam::{Vec2, Vec3};
 
 /// Baked irradiance.
 pub struct Baked {
-    places: Places,
+    layout: TriangleLayout,
     pages: Vec<Image>,
 }
 
 impl Baked {
     /// Reads the frames of a blend and sums them.
-    pub fn read(dataset: &Dataset, blend: &Blend, places: Places) -> Result<Self> {
+    pub fn read(dataset: &Dataset, blend: &Blend, layout: TriangleLayout) -> Result<Self> {
         let sum = |page: usize| -> Result<Image> {
             let mut sum: Option<Image> = None;
             for &(frame, weight) in &blend.parts {
@@ -28,23 +28,23 @@ impl Baked {
             Ok(sum.unwrap_or_else(|| Image::black(1, 1)))
         };
         let pages = (0..dataset.config.pages.len()).map(sum).collect::<Result<_>>()?;
-        Ok(Baked { places, pages })
+        Ok(Baked { layout, pages })
     }
 
     /// Decodes a bundle at an hour.
-    pub fn decode(bundle: &Compressed, hour: f64, places: Places) -> Result<Self> {
+    pub fn decode(bundle: &Compressed, hour: f64, layout: TriangleLayout) -> Result<Self> {
         let page = |page| {
             let ndgi::decode::Image { width, height, texels } = bundle.decoder.decode_page(page, hour)?;
             Ok(Image { width, height, texels })
         };
         let pages = 0..bundle.decoder.bundle().header.pages.len();
         let pages = pages.map(page).collect::<Result<_, _>>().map_err(of_bundle)?;
-        Ok(Baked { places, pages })
+        Ok(Baked { layout, pages })
     }
 
     /// Irradiance at a point of the front of a triangle; `None` where it has no texels.
     pub fn irradiance(&self, triangle: u32, barycentric: Vec3) -> Option<Rgb> {
-        let (page, [a, b, c]) = self.places.of(triangle)?;
+        let (page, [a, b, c]) = self.layout.of(triangle)?;
         let texel = a * barycentric.x + b * barycentric.y + c * barycentric.z;
         Some(bilinear(&self.pages[page], texel))
     }

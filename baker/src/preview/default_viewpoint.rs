@@ -1,32 +1,32 @@
 //! Where to look from when nobody says: a place outside all bodies, with room around it and light in view.
 
 use crate::geometry::Geometry;
-use crate::trace::lens::NOWHERE;
-use crate::trace::rays::Rays;
+use crate::trace::lens::NO_TRIANGLE;
+use crate::trace::ray_tracer::RayTracer;
 use crate::trace::triangle::Hit;
 use glam::{DVec3, Vec3};
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 
 /// Directions that tell whether a place is inside a body.
-const AROUND: usize = 48;
+const DIRECTIONS_AROUND: usize = 48;
 /// Places along each horizontal side of the box that is searched, and the heights in it.
-const ALONG: usize = 9;
+const POINTS_ALONG: usize = 9;
 const HEIGHTS: [f64; 3] = [0.55, 0.4, 0.7];
 /// Headings that are tried at a place.
 const HEADINGS: usize = 8;
 /// Rays across a view, and from top to bottom.
-const ACROSS: usize = 8;
-const DOWN: usize = 5;
+const RAYS_ACROSS: usize = 8;
+const RAYS_DOWN: usize = 5;
 /// What half of a view may be, horizontally, in degrees.
-const HALF_VIEW: f64 = 35.0;
+const MOST_HALF_VIEW: f64 = 35.0;
 /// Part of the box's length within which a place has no room.
-const TIGHT: f64 = 0.01;
+const LEAST_ROOM: f64 = 0.01;
 
 /// What tells good places from bad ones.
 pub(super) struct DefaultViewpoint<'a> {
     pub geometry: &'a Geometry,
-    pub rays: &'a Rays<'a>,
+    pub ray_tracer: &'a RayTracer<'a>,
     /// Luminance that a surface shows.
     pub luminance: &'a dyn Fn(&Hit) -> f32,
 }
@@ -37,7 +37,7 @@ pub(super) type View = (DVec3, DVec3);
 impl DefaultViewpoint<'_> {
     /// What is met from a place of the world.
     fn hit(&self, place: DVec3, direction: Vec3) -> Option<Hit> {
-        self.rays.nearest_wall((place - self.geometry.origin).as_vec3(), direction, NOWHERE)
+        self.ray_tracer.nearest_wall((place - self.geometry.origin).as_vec3(), direction, NO_TRIANGLE)
     }
 
     fn is_back(&self, hit: &Hit, direction: Vec3) -> bool {
@@ -49,8 +49,8 @@ impl DefaultViewpoint<'_> {
     /// export all of them so.)
     pub fn is_free(&self, place: DVec3, room: f64) -> bool {
         /// Part of what is seen that may show its back: leaves, and sheets.
-        const BACKS: usize = AROUND / 4;
-        let hits = sphere(AROUND).map(|direction| (direction, self.hit(place, direction)));
+        const BACKS: usize = DIRECTIONS_AROUND / 4;
+        let hits = sphere(DIRECTIONS_AROUND).map(|direction| (direction, self.hit(place, direction)));
         let (mut backs, mut closest) = (0, f64::INFINITY);
         for (direction, hit) in hits.filter_map(|(direction, hit)| Some((direction, hit?))) {
             backs += usize::from(self.is_back(&hit, direction));
@@ -59,16 +59,16 @@ impl DefaultViewpoint<'_> {
         backs <= BACKS && closest >= room
     }
 
-    /// How much a view shows: over its rays, the root of the distance to what is lit, in units of `length`,
-    /// and more for many materials. What is dimmer than `light` counts in proportion.
+    /// How much a view shows: over its ray_tracer: &rays, the root of the distance to what is lit, in units
+    /// of `length`, and more for many materials. What is dimmer than `light` counts in proportion.
     pub fn worth(&self, (place, look_at): View, length: f64, light: f32) -> f64 {
         let forward = (look_at - place).normalize_or(DVec3::NEG_Z);
         let right = forward.cross(DVec3::Y).normalize_or(DVec3::X);
         let up = right.cross(forward);
-        let reach = HALF_VIEW.to_radians().tan();
+        let reach = MOST_HALF_VIEW.to_radians().tan();
         let side = |i: usize, n: usize| (2.0 * (i as f64 + 0.5) / n as f64 - 1.0) * reach;
-        let rays = (0..ACROSS * DOWN).map(|i| {
-            let (x, y) = (side(i % ACROSS, ACROSS), side(i / ACROSS, DOWN) * 9.0 / 16.0);
+        let rays = (0..RAYS_ACROSS * RAYS_DOWN).map(|i| {
+            let (x, y) = (side(i % RAYS_ACROSS, RAYS_ACROSS), side(i / RAYS_ACROSS, RAYS_DOWN) * 9.0 / 16.0);
             (forward + right * x + up * y).normalize().as_vec3()
         });
         let mut seen = BTreeSet::new();
@@ -81,14 +81,14 @@ impl DefaultViewpoint<'_> {
             }
         }
         // A bare wall is no view.
-        sum / (ACROSS * DOWN) as f64 * (seen.len() as f64).sqrt()
+        sum / (RAYS_ACROSS * RAYS_DOWN) as f64 * (seen.len() as f64).sqrt()
     }
 
     /// The mean luminance of what is seen from some places.
-    fn light(&self, places: &[DVec3]) -> f32 {
+    fn light(&self, points: &[DVec3]) -> f32 {
         let (mut sum, mut count) = (0.0, 0);
-        for place in places {
-            for hit in sphere(AROUND / 4).filter_map(|direction| self.hit(*place, direction)) {
+        for place in points {
+            for hit in sphere(DIRECTIONS_AROUND / 4).filter_map(|direction| self.hit(*place, direction)) {
                 (sum, count) = (sum + f64::from((self.luminance)(&hit)), count + 1);
             }
         }
@@ -99,21 +99,23 @@ impl DefaultViewpoint<'_> {
     pub fn free_places(&self, low: DVec3, high: DVec3) -> Vec<DVec3> {
         let (size, length) = (high - low, (high - low).length());
         let at = |i: usize, height: f64| {
-            let of = |k: usize| (k as f64 + 0.5) / ALONG as f64;
-            low + size * DVec3::new(of(i % ALONG), height, of(i / ALONG))
+            let of = |k: usize| (k as f64 + 0.5) / POINTS_ALONG as f64;
+            low + size * DVec3::new(of(i % POINTS_ALONG), height, of(i / POINTS_ALONG))
         };
-        let places = HEIGHTS.into_iter().flat_map(|height| (0..ALONG * ALONG).map(move |i| at(i, height)));
-        places.filter(|place| self.is_free(*place, TIGHT * length)).collect()
+        let points = HEIGHTS
+            .into_iter()
+            .flat_map(|height| (0..POINTS_ALONG * POINTS_ALONG).map(move |i| at(i, height)));
+        points.filter(|place| self.is_free(*place, LEAST_ROOM * length)).collect()
     }
 
     /// `first`, if it lies outside all bodies and shows half of what the best view does; else the best view
     /// from a lattice of places in a box; `first` all the same where none of them is free.
     pub fn best(&self, first: View, low: DVec3, high: DVec3) -> View {
         let length = (high - low).length();
-        let places = self.free_places(low, high);
-        let light = self.light(&places);
+        let points = self.free_places(low, high);
+        let light = self.light(&points);
         let mut best: Option<(f64, View)> = None;
-        for &place in &places {
+        for &place in &points {
             for heading in 0..HEADINGS {
                 let (sin, cos) = (TAU * heading as f64 / HEADINGS as f64).sin_cos();
                 // A little downwards, as people look.
@@ -126,8 +128,8 @@ impl DefaultViewpoint<'_> {
         }
         match best {
             Some((most, best)) => {
-                let is_good =
-                    self.is_free(first.0, TIGHT * length) && self.worth(first, length, light) >= 0.5 * most;
+                let is_good = self.is_free(first.0, LEAST_ROOM * length)
+                    && self.worth(first, length, light) >= 0.5 * most;
                 if is_good { first } else { best }
             }
             None => first,
@@ -193,21 +195,21 @@ pub(super) mod tests {
     #[test]
     fn the_inside_of_a_wall_is_left_for_the_half_with_light() {
         let g = divided();
-        let rays = Rays::new(&g);
+        let rays = RayTracer::new(&g);
         let is_east = |hit: &Hit| {
             let [a, b, c] = g.corners(hit.triangle as usize);
             let at = a * hit.barycentric.x + b * hit.barycentric.y + c * hit.barycentric.z;
             f32::from(u8::from(at.x > 0.2))
         };
-        let lookout = DefaultViewpoint { geometry: &g, rays: &rays, luminance: &is_east };
+        let viewpoint = DefaultViewpoint { geometry: &g, ray_tracer: &rays, luminance: &is_east };
         let middle = dvec3(0.0, 1.5, 0.0);
-        assert!(!lookout.is_free(middle, 0.0) && lookout.is_free(dvec3(1.5, 1.5, 0.0), 0.5));
+        assert!(!viewpoint.is_free(middle, 0.0) && viewpoint.is_free(dvec3(1.5, 1.5, 0.0), 0.5));
         let (low, high) = (dvec3(-3.0, 0.0, -3.0), dvec3(3.0, 3.0, 3.0));
-        let (place, look_at) = lookout.best((middle, DVec3::ZERO), low, high);
+        let (place, look_at) = viewpoint.best((middle, DVec3::ZERO), low, high);
         assert!(place.x > 0.3, "{place}");
-        assert!(lookout.worth((place, look_at), 8.0, 1.0) > 0.2);
+        assert!(viewpoint.worth((place, look_at), 8.0, 1.0) > 0.2);
         // A place that does as well is kept.
         let good = (place + dvec3(0.1, 0.0, 0.1), look_at);
-        assert_eq!(lookout.best(good, low, high), good);
+        assert_eq!(viewpoint.best(good, low, high), good);
     }
 }

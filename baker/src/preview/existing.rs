@@ -1,6 +1,6 @@
 //! The finished dataset to look at, and the geometry to show it on.
 
-use super::places::Places;
+use super::triangle_layout::TriangleLayout;
 use crate::atlas::{self, Atlas};
 use crate::bake::charts::Charts;
 use crate::bake::hidden;
@@ -23,7 +23,7 @@ pub struct Shown {
     /// That of the scene file as it is now, or, where it is another, that of the dataset.
     pub geometry: Geometry,
     /// Where it lies on the pages.
-    pub places: Places,
+    pub layout: TriangleLayout,
     /// What has been warned of.
     pub warnings: Vec<String>,
 }
@@ -82,8 +82,8 @@ pub fn open(
         )],
     };
     warnings.iter().for_each(|w| console.warn(w));
-    let places = Places::of_atlas(&geometry, &atlas);
-    Ok(Shown { dataset, scene, geometry, places, warnings })
+    let layout = TriangleLayout::of_atlas(&geometry, &atlas);
+    Ok(Shown { dataset, scene, geometry, layout, warnings })
 }
 
 /// The texels of a geometry, if a dataset has the same; `None` where geometry, materials or layout are
@@ -138,6 +138,6 @@ fn of_dataset(
         folder.display()
     );
     console.warn(&warning);
-    let places = Places::of_file(&geometry, &config.pages);
-    Ok(Shown { dataset, scene, geometry, places, warnings: vec![warning] })
+    let layout = TriangleLayout::of_file(&geometry, &config.pages);
+    Ok(Shown { dataset, scene, geometry, layout, warnings: vec![warning] })
 }

@@ -51,7 +51,7 @@ impl Light {
     pub fn emission(&self, geometry: &Geometry, triangle: usize, barycentrics: Vec3) -> Rgb {
         let material = geometry.material_of[triangle];
         let group = geometry.materials[material as usize].emission.map(|emission| emission.group as usize);
-        let place = group.and_then(|group| self.lights.place_of_group.get(group).copied().flatten());
+        let place = group.and_then(|group| self.lights.index_of_group.get(group).copied().flatten());
         place.map_or(Rgb::ZERO, |place| {
             self.lights.groups[place].emission[material as usize]
                 * geometry.emission_map_at(triangle, barycentrics)

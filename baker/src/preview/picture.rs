@@ -4,7 +4,7 @@ use super::shade::Shader;
 use crate::light::luminance;
 use crate::trace::lens::Lens;
 use crate::trace::path::point_pair;
-use crate::trace::sampler::{Kind, Sequence};
+use crate::trace::sampler::{Sequence, SequenceKind};
 use crate::{Result, Rgb};
 use dataset::console::stop_if_interrupted;
 use dataset::observe::Observer;
@@ -33,7 +33,7 @@ impl Picture {
         let [width, height] = size;
         let progress = console.progress("drawing", height.into());
         let pixel = |x: u32, y: u32| {
-            let of = |stream| Sequence::new(seed, Kind::Pixel, y * width + x, stream);
+            let of = |stream| Sequence::new(seed, SequenceKind::Pixel, y * width + x, stream);
             let (places, paths) = (of(0), of(1));
             let (mut sum, mut met) = (Rgb::ZERO, 0);
             for i in 0..samples {

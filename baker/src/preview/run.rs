@@ -7,14 +7,14 @@ use super::existing::Shown;
 use super::light::Light;
 use super::options::Options;
 use super::picture::Picture;
-use super::places::Places;
 use super::shade::Shader;
+use super::triangle_layout::TriangleLayout;
 use super::{existing, view};
 use crate::light::luminance;
 use crate::scene::{Baked as Part, Scene, Sky, SunTrack};
 use crate::trace::lens::Lens;
 use crate::trace::path::Transport;
-use crate::trace::rays::Rays;
+use crate::trace::ray_tracer::RayTracer;
 use crate::trace::space::Space;
 use crate::trace::triangle::Hit;
 use crate::{Result, geometry, scene};
@@ -32,7 +32,7 @@ const PATHS: u32 = 32;
 fn changes(scene: &Scene) -> bool {
     let moves = |track: &SunTrack| match track {
         SunTrack::Authored(keys) => keys.len() > 1,
-        SunTrack::Place { .. } => true,
+        SunTrack::Computed { .. } => true,
     };
     matches!(scene.sky, Some(Sky::HosekWilkie { .. }))
         || scene.sun.as_ref().is_some_and(|sun| moves(&sun.track))
@@ -54,7 +54,7 @@ fn of_frames(
     dataset: &Dataset,
     hour: f64,
     scene: &Scene,
-    places: Places,
+    layout: TriangleLayout,
     console: &dyn Observer,
 ) -> Result<Source> {
     let blend = Blend::new(&dataset.config, hour);
@@ -66,7 +66,7 @@ fn of_frames(
     }
     doubts.extend(blend.far(&dataset.config, hour).filter(|_| changes(scene)));
     let hours = blend.parts.iter().map(|&(frame, weight)| (dataset.config.frames[frame].hour, weight));
-    Ok(Source { hours: hours.collect(), is_set: true, doubts, baked: Baked::read(dataset, &blend, places)? })
+    Ok(Source { hours: hours.collect(), is_set: true, doubts, baked: Baked::read(dataset, &blend, layout)? })
 }
 
 /// What a bundle of the dataset decodes to. Where the bundle lacks the sun's direct light, `scene` loses it,
@@ -76,7 +76,7 @@ fn of_bundle(
     dataset: &Dataset,
     hour: f64,
     scene: &mut Scene,
-    places: Places,
+    layout: TriangleLayout,
     console: &dyn Observer,
 ) -> Result<Source> {
     bundle.expect_of(dataset)?;
@@ -86,7 +86,7 @@ fn of_bundle(
     }
     let doubts = bundle.doubts(&dataset.config, hour, changes(scene));
     Ok(Source {
-        baked: Baked::decode(bundle, hour, places)?,
+        baked: Baked::decode(bundle, hour, layout)?,
         hours: vec![(hour, 1.0)],
         is_set: false,
         doubts,
@@ -111,25 +111,25 @@ pub fn preview(scene_file: &Path, options: &Options, console: &dyn Observer) -> 
     warnings.extend(geometry_warnings);
     warnings.iter().for_each(|warning| console.warn(warning));
     let asked = view::asked(options, &scene, &geometry)?;
-    let Shown { dataset, mut scene, geometry, places, warnings: changed } =
+    let Shown { dataset, mut scene, geometry, layout, warnings: changed } =
         existing::open(&folder, scene_file, scene, geometry, console)?;
     warnings.extend(changed);
     let Source { baked, hours, is_set, doubts } = match &bundle {
-        None => of_frames(&dataset, options.hour, &scene, places, console)?,
-        Some(bundle) => of_bundle(bundle, &dataset, options.hour, &mut scene, places, console)?,
+        None => of_frames(&dataset, options.hour, &scene, layout, console)?,
+        Some(bundle) => of_bundle(bundle, &dataset, options.hour, &mut scene, layout, console)?,
     };
     doubts.iter().for_each(|doubt| console.warn(doubt));
     warnings.extend(doubts);
-    let rays = Rays::with_backend(&geometry, options.backend)?;
+    let ray_tracer = RayTracer::with_backend(&geometry, options.backend)?;
     let light = Light::new(&scene, &geometry, &hours);
     let camera = match asked {
         Some(camera) => camera,
         None => {
             let shown = |hit: &Hit| baked.irradiance(hit.triangle, hit.barycentric).map_or(0.0, luminance);
-            view::default(options, &geometry, &rays, &shown)?
+            view::default(options, &geometry, &ray_tracer, &shown)?
         }
     };
-    let transport = Transport::new(Space::new(&geometry, &rays), &light.lights, scene.bake.bounces);
+    let transport = Transport::new(Space::new(&geometry, &ray_tracer), &light.lights, scene.bake.bounces);
     let paths = PATHS.div_ceil(options.samples);
     let shader = Shader { transport, light: &light, baked: &baked, paths };
     let lens = Lens::new(&camera, geometry.origin, options.size);

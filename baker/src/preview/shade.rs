@@ -3,12 +3,12 @@
 use super::baked::Baked;
 use super::light::Light;
 use crate::Rgb;
-use crate::geometry::DARK;
+use crate::geometry::BLOCKED_BELOW;
 use crate::surface::SurfacePoint;
 use crate::trace::counts::RayCounts;
-use crate::trace::lens::NOWHERE;
+use crate::trace::lens::NO_TRIANGLE;
 use crate::trace::path::Transport;
-use crate::trace::rays::{Passed, offset_point};
+use crate::trace::ray_tracer::{PassedGlass, offset_point};
 use crate::trace::sampler::Sequence;
 use crate::trace::triangle::Hit;
 use glam::Vec3;
@@ -18,7 +18,7 @@ use std::f32::consts::PI;
 pub struct Shader<'a> {
     /// The scene, and paths in it.
     pub transport: Transport<'a>,
-    /// What shines.
+    /// The emitters.
     pub light: &'a Light,
     /// Its light on surfaces with texels.
     pub baked: &'a Baked,
@@ -33,10 +33,10 @@ impl Shader<'_> {
         /// Backs that one ray passes; more are the walls of an endless stack.
         const MOST_BACKS: usize = 256;
         let (space, geometry) = (&self.transport.space, self.transport.space.geometry);
-        let (mut from, mut start) = (NOWHERE, origin);
-        let (mut passed, mut seen, mut left) = (Passed::default(), Rgb::ZERO, Rgb::ONE);
+        let (mut from, mut start) = (NO_TRIANGLE, origin);
+        let (mut passed, mut seen, mut left) = (PassedGlass::default(), Rgb::ZERO, Rgb::ONE);
         for _ in 0..MOST_BACKS {
-            let Some(hit) = space.rays.beyond(start, direction, from, &passed) else { break };
+            let Some(hit) = space.ray_tracer.nearest_behind(start, direction, from, &passed) else { break };
             let (triangle, front) = (hit.triangle as usize, space.front(hit.triangle));
             let is_back = front.dot(direction) > 0.0;
             let material = geometry.material_of[triangle];
@@ -45,7 +45,7 @@ impl Shader<'_> {
                 // Not drawn, as in a game: on from its other side.
                 (from, start) =
                     (hit.triangle, offset_point(&geometry.corners(triangle), hit.barycentric, front));
-                passed = Passed::default();
+                passed = PassedGlass::default();
                 continue;
             }
             if is_glass && is_back && !geometry.materials[material as usize].two_sided {
@@ -65,7 +65,7 @@ impl Shader<'_> {
                 return (seen, true);
             }
             left *= geometry.transmittance_at(triangle, hit.barycentric);
-            if left.max_element() < DARK {
+            if left.max_element() < BLOCKED_BELOW {
                 return (seen, true);
             }
             passed.add(&hit);
@@ -86,7 +86,7 @@ impl Shader<'_> {
         let Some(at) = space.receiver_on(&point, is_back) else { return Rgb::ZERO };
         let lights = &self.light.lights;
         let (mut layers, mut read) = (vec![Rgb::ZERO; lights.layers()], Rgb::ZERO);
-        let (mut direct, mut met) = (layers.clone(), vec![Rgb::ZERO; lights.met()]);
+        let (mut direct, mut hit_light) = (layers.clone(), vec![Rgb::ZERO; lights.hit_lights()]);
         let mut counts = RayCounts::default();
         for path in number * self.paths..(number + 1) * self.paths {
             let sample = paths.sample(path);
@@ -102,11 +102,11 @@ impl Shader<'_> {
                     None => false,
                 },
                 &mut layers,
-                Some(&mut met),
+                Some(&mut hit_light),
                 &mut counts,
             );
         }
-        lights.add_held(&direct, &met, &mut layers);
+        lights.add_held(&direct, &hit_light, &mut layers);
         (self.light.sum(&layers) + read) / self.paths as f32
     }
 }

@@ -4,8 +4,8 @@ use super::default_viewpoint::DefaultViewpoint;
 use super::options::{Options, parse_point};
 use crate::geometry::{Bounds, Geometry};
 use crate::scene::{Camera, Scene};
-use crate::trace::lens::NOWHERE;
-use crate::trace::rays::Rays;
+use crate::trace::lens::NO_TRIANGLE;
+use crate::trace::ray_tracer::RayTracer;
 use crate::trace::triangle::Hit;
 use crate::{Error, Result};
 use glam::DVec3;
@@ -50,16 +50,16 @@ pub fn asked(options: &Options, scene: &Scene, geometry: &Geometry) -> Result<Op
 pub fn default(
     options: &Options,
     geometry: &Geometry,
-    rays: &Rays,
+    ray_tracer: &RayTracer,
     luminance: &dyn Fn(&Hit) -> f32,
 ) -> Result<Camera> {
     let bounds = Lit::new(geometry);
-    let lookout = DefaultViewpoint { geometry, rays, luminance };
-    let (mut camera, is_inside) = usual(&lookout, &bounds);
+    let viewpoint = DefaultViewpoint { geometry, ray_tracer, luminance };
+    let (mut camera, is_inside) = usual(&viewpoint, &bounds);
     // From outside everything is in view, unless something stands there that has no texels.
-    if is_inside || !lookout.is_free(camera.position, 0.0) {
+    if is_inside || !viewpoint.is_free(camera.position, 0.0) {
         let usual = (camera.position, camera.look_at);
-        (camera.position, camera.look_at) = lookout.best(usual, bounds.low, bounds.high);
+        (camera.position, camera.look_at) = viewpoint.best(usual, bounds.low, bounds.high);
         camera.fov = INSIDE_FOV;
     }
     aimed(camera, options)
@@ -103,13 +103,13 @@ impl Lit {
 /// A camera that shows something of most scenes, and whether it is inside. From outside it looks down at the
 /// middle from the south-west. Inside, where hardly any ray leaves the scene upwards from the middle, and
 /// that is no body alone, it stands on the same side of the room.
-fn usual(lookout: &DefaultViewpoint, bounds: &Lit) -> (Camera, bool) {
+fn usual(viewpoint: &DefaultViewpoint, bounds: &Lit) -> (Camera, bool) {
     /// Rays from the middle, and how many may leave a closed room, by its windows.
     const RAYS: usize = 64;
     const MOST_LEAVING: usize = RAYS / 4;
     /// Of this many free places, one in a room makes it one.
     const ROOMY: usize = 8;
-    let (geometry, rays) = (lookout.geometry, lookout.rays);
+    let (geometry, ray_tracer) = (viewpoint.geometry, viewpoint.ray_tracer);
     let (middle, size) = (bounds.middle(), bounds.high - bounds.low);
     let local = |point: DVec3| (point - geometry.origin).as_vec3();
     let is_covered = |place: DVec3| {
@@ -118,17 +118,17 @@ fn usual(lookout: &DefaultViewpoint, bounds: &Lit) -> (Camera, bool) {
             let (y, phi) = ((*i as f64 + 0.5) / RAYS as f64, *i as f64 * TAU * 0.618_034);
             let r = (1.0 - y * y).sqrt();
             let direction = DVec3::new(r * phi.cos(), y, r * phi.sin()).normalize().as_vec3();
-            rays.nearest_wall(local(place), direction, NOWHERE).is_none()
+            ray_tracer.nearest_wall(local(place), direction, NO_TRIANGLE).is_none()
         };
         (0..RAYS).filter(leaves).count() <= MOST_LEAVING
     };
     // The middle of a trunk or a statue is covered, too, and nothing around it is. In a room a piece of
     // furniture may stand there.
     let is_room = || {
-        if lookout.is_free(middle, 0.0) {
+        if viewpoint.is_free(middle, 0.0) {
             return true;
         }
-        let free = lookout.free_places(bounds.low, bounds.high);
+        let free = viewpoint.free_places(bounds.low, bounds.high);
         ROOMY * free.iter().filter(|place| is_covered(**place)).count() > free.len()
     };
     let name = "default".to_owned();
@@ -136,8 +136,8 @@ fn usual(lookout: &DefaultViewpoint, bounds: &Lit) -> (Camera, bool) {
         // As far towards that corner as nothing stands in the way, and a little back.
         let back = DVec3::new(-size.x, 0.3 * size.y, size.z);
         let (distance, direction) = (0.5 * back.length(), back.normalize());
-        let free = rays
-            .nearest_wall(local(middle), direction.as_vec3(), NOWHERE)
+        let free = ray_tracer
+            .nearest_wall(local(middle), direction.as_vec3(), NO_TRIANGLE)
             .map_or(distance, |hit| hit.t.into());
         let position = middle + direction * (0.9 * free.min(distance));
         let camera = Camera {
@@ -161,8 +161,8 @@ mod tests {
 
     /// The camera by default, and whether it stands in the box around the geometry.
     fn camera(geometry: &Geometry) -> (Camera, bool) {
-        let rays = Rays::new(geometry);
-        let camera = default(&Options::new(12.0), geometry, &rays, &|_| 1.0).unwrap();
+        let ray_tracer = RayTracer::new(geometry);
+        let camera = default(&Options::new(12.0), geometry, &ray_tracer, &|_| 1.0).unwrap();
         let lit = Lit::new(geometry);
         let at = camera.position;
         let is_within = at.cmpge(lit.low).all() && at.cmple(lit.high).all();

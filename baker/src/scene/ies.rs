@@ -79,7 +79,7 @@ impl Profile {
             let what = format!(
                 "goniometry of type {letter} is not read: convert the file to type C (as an IES viewer or the maker's tool can)"
             );
-            return Err(Error::unsupported(numbers.place(), what));
+            return Err(Error::unsupported(numbers.source_line(), what));
         }
         if kind != 1.0 {
             return Err(numbers.error(format!("photometric type {kind}: expected 1 (C)")));
@@ -228,12 +228,12 @@ impl<'a> Numbers<'a> {
         Ok(numbers)
     }
 
-    fn place(&self) -> String {
+    fn source_line(&self) -> String {
         format!("{}:{}", self.file, self.line)
     }
 
     fn error(&self, what: impl std::fmt::Display) -> Error {
-        Error::invalid(self.place(), what)
+        Error::invalid(self.source_line(), what)
     }
 
     fn one(&mut self, what: &'static str) -> Result<f64> {

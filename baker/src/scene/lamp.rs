@@ -2,7 +2,7 @@
 
 use super::colour::{KELVIN, black_body};
 use super::raw::Table;
-use super::{Group, Lamp, Profile, load, schedule};
+use super::{Baked, Group, Lamp, Profile, schedule};
 use dataset::Result;
 use glam::DVec3;
 use std::f64::consts::PI;
@@ -62,7 +62,7 @@ pub(super) fn read(
         for t in table.tables("point", POINT)? {
             lamps.push(point(&t, folder, warnings)?);
         }
-        groups.push(Group { name: name.to_owned(), on, lamps, baked: load::baked(&table)? });
+        groups.push(Group { name: name.to_owned(), on, lamps, baked: Baked::read(&table)? });
     }
     Ok((groups, names))
 }
@@ -152,7 +152,7 @@ fn ies(
     let profile = Profile::read(&folder.join(value.text(expected)?)).map_err(|error| value.error(error))?;
     if profile.peak <= 0.0 {
         let what = "the lamp gives no light, since all candela values of the file are 0; expected a file with light, or no such lamp";
-        warnings.push(format!("{}: {}: {what}", value.place(), value.shown()));
+        warnings.push(format!("{}: {}: {what}", value.source_line(), value.shown()));
     }
     let up = match table.get("up") {
         Some(value) => {

@@ -2,14 +2,14 @@
 
 use super::raw::{Source, Table, parse};
 use super::{
-    Baked, HiddenFaces, Lightmap, LightmapSize, MAX_SAMPLES, Place, Portal, Sampling, Scene, Sky, Sun,
+    Baked, HiddenFaces, Lightmap, LightmapSize, Location, MAX_SAMPLES, Portal, Sampling, Scene, Sky, Sun,
     SunKey, SunTrack, SunVisibility, UvSource, camera, lamp, lights, object, sky,
 };
 use dataset::{Error, Result};
 use glam::DVec3;
 use std::path::Path;
 
-const TOP: &[&str] = &[
+const TOP_KEYS: &[&str] = &[
     "name",
     "description",
     "place",
@@ -23,12 +23,12 @@ const TOP: &[&str] = &[
     "bake",
     "camera",
 ];
-const PLACE: &[&str] = &["latitude", "longitude", "utc_offset", "date", "north"];
-const SUN: &[&str] = &["disc_angle", "turbidity", "track", "baked", "visibility"];
-const SUN_KEY: &[&str] = &["hour", "direction", "irradiance"];
-const PORTAL: &[&str] = &["corner", "edge_u", "edge_v"];
-const LIGHTMAP: &[&str] = &["size", "texels_per_metre", "pages", "padding", "hidden", "uv"];
-const BAKE: &[&str] = &["samples", "bounces", "seed", "albedo_max"];
+const LOCATION_KEYS: &[&str] = &["latitude", "longitude", "utc_offset", "date", "north"];
+const SUN_KEYS: &[&str] = &["disc_angle", "turbidity", "track", "baked", "visibility"];
+const SUN_KEY_KEYS: &[&str] = &["hour", "direction", "irradiance"];
+const PORTAL_KEYS: &[&str] = &["corner", "edge_u", "edge_v"];
+const LIGHTMAP_KEYS: &[&str] = &["size", "texels_per_metre", "pages", "padding", "hidden", "uv"];
+const BAKE_KEYS: &[&str] = &["samples", "bounces", "seed", "albedo_max"];
 
 /// Full angle of the solar disc in degrees, mean over the year.
 const DISC_ANGLE: f64 = 0.533;
@@ -61,31 +61,31 @@ pub fn load(path: &Path) -> Result<(Scene, Vec<String>)> {
         let line = 1 + bytes[..e.valid_up_to()].iter().filter(|&&b| b == b'\n').count();
         Error::invalid(format!("{file}:{line}"), "expected UTF-8 text")
     })?;
-    parse(&Source { file, text }, TOP, |top| resolve(&top, path))
+    parse(&Source { file, text }, TOP_KEYS, |top| resolve(&top, path))
 }
 
 fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
     let mut warnings = Vec::new();
     let name = name(top, path)?;
     let description = top.get("description").map_or(Ok(""), |v| v.text("a string"))?.to_owned();
-    let place = top.table("place", PLACE)?.map(|t| self::place(&t)).transpose()?;
+    let location = top.table("place", LOCATION_KEYS)?.map(|t| self::location(&t)).transpose()?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let of_sky = top.table("sky", sky::KEYS)?;
-    let sky = of_sky.as_ref().map(|t| sky::read(t, place.is_some(), folder)).transpose()?;
+    let sky = of_sky.as_ref().map(|t| sky::read(t, location.is_some(), folder)).transpose()?;
     let ground = match (&of_sky, &sky) {
         (Some(table), Some(sky)) => sky::ground(table, sky)?,
         _ => None,
     };
     let ground_is_written = of_sky.as_ref().is_some_and(|table| table.get("ground").is_some());
-    let sky_baked = of_sky.as_ref().map(baked).transpose()?.unwrap_or_default();
-    let of_sun = top.table("sun", SUN)?;
-    let sun_baked = of_sun.as_ref().map(baked).transpose()?.unwrap_or_default();
+    let sky_baked = of_sky.as_ref().map(Baked::read).transpose()?.unwrap_or_default();
+    let of_sun = top.table("sun", SUN_KEYS)?;
+    let sun_baked = of_sun.as_ref().map(Baked::read).transpose()?.unwrap_or_default();
     let sun_visibility = of_sun.as_ref().map(|table| visibility(table, sun_baked)).transpose()?.flatten();
-    let sun = of_sun.map(|t| self::sun(&t, place.is_some(), sky.as_ref())).transpose()?;
+    let sun = of_sun.map(|t| self::sun(&t, location.is_some(), sky.as_ref())).transpose()?;
     let find_portals = of_sky.as_ref().and_then(|table| table.get("find_portals"));
     let find_portals = find_portals.map_or(Ok(true), |value| value.boolean())?;
     let portals: Result<Vec<Portal>> = top
-        .tables("portal", PORTAL)?
+        .tables("portal", PORTAL_KEYS)?
         .iter()
         .map(|t| {
             lamp::corner_and_edges(t).map(|[corner, edge_u, edge_v]| Portal {
@@ -106,14 +106,14 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
     if objects.is_empty() {
         return Err(top.error("expected at least one [[object]]"));
     }
-    let layout = top.table("lightmap", LIGHTMAP)?;
+    let layout = top.table("lightmap", LIGHTMAP_KEYS)?;
     let lightmap = layout.as_ref().map_or(Ok(Lightmap::default()), self::lightmap)?;
     let size_key = layout.and_then(|table| table.get("size").or_else(|| table.get("texels_per_metre")));
     let size_as_written = match size_key {
-        Some(value) => format!("{}: {}", value.place(), value.shown()),
+        Some(value) => format!("{}: {}", value.source_line(), value.shown()),
         None => format!("{}: no `size`, so 512", path.display()),
     };
-    let bake = match top.table("bake", BAKE)? {
+    let bake = match top.table("bake", BAKE_KEYS)? {
         Some(table) => self::bake(&table)?,
         None => Sampling::default(),
     };
@@ -121,7 +121,7 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
     let scene = Scene {
         name,
         description,
-        place,
+        location,
         sun,
         sky,
         sun_baked,
@@ -172,7 +172,7 @@ fn name(top: &Table, path: &Path) -> Result<String> {
     }
 }
 
-fn place(table: &Table) -> Result<Place> {
+fn location(table: &Table) -> Result<Location> {
     let number = |key: &str, expected: &str, limit: f64| {
         table.require(key, expected)?.number(expected, |x| x.abs() <= limit)
     };
@@ -184,7 +184,7 @@ fn place(table: &Table) -> Result<Place> {
     let expected = r#"a date "YYYY-MM-DD""#;
     let value = table.require("date", expected)?;
     let date = date(value.text(expected)?).ok_or_else(|| value.error(format!("expected {expected}")))?;
-    Ok(Place { latitude, longitude, utc_offset, date, north })
+    Ok(Location { latitude, longitude, utc_offset, date, north })
 }
 
 /// A day of the Gregorian calendar.
@@ -206,7 +206,7 @@ fn date(text: &str) -> Option<(i32, u32, u32)> {
     (y >= 1 && (1..=days).contains(&d)).then_some((y, m, d))
 }
 
-fn sun(table: &Table, has_place: bool, sky: Option<&Sky>) -> Result<Sun> {
+fn sun(table: &Table, has_location: bool, sky: Option<&Sky>) -> Result<Sun> {
     let expected = "degrees from 0 to 90";
     let disc_angle = table
         .get("disc_angle")
@@ -219,14 +219,14 @@ fn sun(table: &Table, has_place: bool, sky: Option<&Sky>) -> Result<Sun> {
             let expected = "a list of { hour, direction, irradiance }, not empty";
             let mut keys: Vec<SunKey> = Vec::new();
             for value in track.array(expected)? {
-                keys.push(sun_key(&value.table("track".to_owned(), SUN_KEY)?, keys.last())?);
+                keys.push(sun_key(&value.table("track".to_owned(), SUN_KEY_KEYS)?, keys.last())?);
             }
             if keys.is_empty() {
                 return Err(track.error(format!("expected {expected}")));
             }
             SunTrack::Authored(keys)
         }
-        None if !has_place => {
+        None if !has_location => {
             return Err(table.error("expected a [place] to compute the sun's course from, or a `track`"));
         }
         None => {
@@ -234,22 +234,10 @@ fn sun(table: &Table, has_place: bool, sky: Option<&Sky>) -> Result<Sun> {
                 Some(Sky::HosekWilkie { turbidity, .. }) => *turbidity,
                 _ => sky::TURBIDITY,
             };
-            SunTrack::Place { turbidity: sky::turbidity(table)?.unwrap_or(of_sky) }
+            SunTrack::Computed { turbidity: sky::turbidity(table)?.unwrap_or(of_sky) }
         }
     };
     Ok(Sun { disc_angle, track })
-}
-
-/// Reads `baked` of a light.
-pub(super) fn baked(table: &Table) -> Result<Baked> {
-    let expected = r#""all", "indirect" or "none""#;
-    let Some(value) = table.get("baked") else { return Ok(Baked::All) };
-    match value.text(expected)? {
-        "all" => Ok(Baked::All),
-        "indirect" => Ok(Baked::Indirect),
-        "none" => Ok(Baked::None),
-        _ => Err(value.error(format!("expected {expected}"))),
-    }
 }
 
 /// Reads `visibility` of the sun, of which this much is baked.

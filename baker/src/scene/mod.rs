@@ -44,7 +44,8 @@ pub struct Scene {
     /// What the scene is for; may be empty. Kept in the manifest's settings.
     pub description: String,
     /// Where and when; needed when the sun or the sky follow the date.
-    pub place: Option<Place>,
+    #[serde(rename = "place")]
+    pub location: Option<Location>,
     /// The sun; `None`: the scene has none.
     pub sun: Option<Sun>,
     /// The sky; `None`: black.
@@ -96,7 +97,7 @@ impl Scene {
     /// A model by itself, in its own unit: no light, and every default.
     ///
     /// # Errors
-    /// A file that is none of a model, or is not there.
+    /// A file that is no model, or is not there.
     pub fn of_model(file: &Path) -> Result<Scene> {
         if !object::is_model(file) {
             return Err(Error::invalid(file.display(), "expected a model: an .obj, .gltf or .glb file"));
@@ -109,16 +110,16 @@ impl Scene {
         }
         let object = Object {
             file: file.to_owned(),
-            place: file.display().to_string(),
+            source_line: file.display().to_string(),
             world_from_file: vec![DMat4::IDENTITY],
-            look: Look::default(),
+            overrides: SurfaceOverrides::default(),
             parts: Vec::new(),
             vt_is_lightmap: false,
         };
         Ok(Scene {
             name: "model".to_owned(),
             description: String::new(),
-            place: None,
+            location: None,
             sun: None,
             sky: None,
             sun_baked: Baked::All,
@@ -166,7 +167,7 @@ impl SunVisibility {
 
 /// A place on Earth and a civil date.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Place {
+pub struct Location {
     /// Degrees, north positive.
     pub latitude: f64,
     /// Degrees, east positive.
@@ -206,6 +207,18 @@ impl Baked {
     pub fn is_all(&self) -> bool {
         *self == Baked::All
     }
+
+    /// Reads `baked` of a light.
+    fn read(table: &raw::Table) -> Result<Self> {
+        let expected = r#""all", "indirect" or "none""#;
+        let Some(value) = table.get("baked") else { return Ok(Baked::All) };
+        match value.text(expected)? {
+            "all" => Ok(Baked::All),
+            "indirect" => Ok(Baked::Indirect),
+            "none" => Ok(Baked::None),
+            _ => Err(value.error(format!("expected {expected}"))),
+        }
+    }
 }
 
 impl From<Baked> for dataset::config::Baked {
@@ -222,7 +235,8 @@ impl From<Baked> for dataset::config::Baked {
 #[derive(Clone, Debug, Serialize)]
 pub enum SunTrack {
     /// Astronomical position, clear-air irradiance at this turbidity.
-    Place {
+    #[serde(rename = "Place")]
+    Computed {
         /// Linke-like turbidity of the Hosek–Wilkie model, 1 … 10.
         turbidity: f64,
     },
@@ -288,11 +302,13 @@ pub struct Object {
     /// `.obj`, `.gltf` or `.glb`, absolute or relative to the working folder.
     pub file: PathBuf,
     /// The scene file and line that names it, for messages.
-    pub place: String,
+    #[serde(rename = "place")]
+    pub source_line: String,
     /// World from file space, one per instance.
     pub world_from_file: Vec<DMat4>,
     /// What holds for all of its meshes.
-    pub look: Look,
+    #[serde(rename = "look")]
+    pub overrides: SurfaceOverrides,
     /// What holds for meshes whose node, mesh or material name matches; later entries win.
     pub parts: Vec<Part>,
     /// An OBJ's `vt` are lightmap coordinates too.
@@ -305,15 +321,16 @@ pub struct Part {
     /// A name, `*` standing for any run of characters.
     pub pattern: String,
     /// What it overrides.
-    pub look: Look,
+    #[serde(rename = "look")]
+    pub overrides: SurfaceOverrides,
     /// Where it stands in the scene file, for messages.
     #[serde(skip)]
-    pub place: String,
+    pub source_line: String,
 }
 
 /// Overridable properties; `None` leaves what the file (or the object) says.
 #[derive(Clone, Debug, Default, Serialize)]
-pub struct Look {
+pub struct SurfaceOverrides {
     /// Replaces base colour factor and texture.
     pub albedo: Option<DVec3>,
     /// Share of the light that passes straight through, in place of the file's; 0: opaque.

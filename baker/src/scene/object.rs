@@ -1,7 +1,7 @@
 //! `[[object]]`: geometry files, where they stand, and what is overridden.
 
 use super::raw::{Table, Value};
-use super::{Group, Look, Object, Part};
+use super::{Group, Object, Part, SurfaceOverrides};
 use dataset::{Error, Result};
 use glam::{DMat3, DMat4, DVec3};
 use std::path::Path;
@@ -101,7 +101,7 @@ fn object(table: &Table, folder: &Path, groups: &[Group], warnings: &mut Vec<Str
             instances.iter().map(read).collect::<Result<_>>()?
         }
     };
-    let look = look(table, groups, warnings)?;
+    let overrides = overrides(table, groups, warnings)?;
     let mut parts = Vec::new();
     for part in table.tables("part", PART)? {
         let expected = "a name, * standing for any run of characters";
@@ -110,9 +110,13 @@ fn object(table: &Table, folder: &Path, groups: &[Group], warnings: &mut Vec<Str
         if pattern.is_empty() {
             return Err(value.error(format!("expected {expected}")));
         }
-        parts.push(Part { pattern, look: self::look(&part, groups, warnings)?, place: value.place() });
+        parts.push(Part {
+            pattern,
+            overrides: self::overrides(&part, groups, warnings)?,
+            source_line: value.source_line(),
+        });
     }
-    Ok(Object { file, place: value.place(), world_from_file, look, parts, vt_is_lightmap })
+    Ok(Object { file, source_line: value.source_line(), world_from_file, overrides, parts, vt_is_lightmap })
 }
 
 /// `scale`, then `rotate` about X, Y and Z in this order, then `translate`.
@@ -147,7 +151,7 @@ fn turn(axis: usize, degrees: f64) -> DMat3 {
 }
 
 /// The keys objects and parts share.
-fn look(table: &Table, groups: &[Group], warnings: &mut Vec<String>) -> Result<Look> {
+fn overrides(table: &Table, groups: &[Group], warnings: &mut Vec<String>) -> Result<SurfaceOverrides> {
     let albedo = table.get("albedo").map(|v| albedo(&v, warnings)).transpose()?;
     let transmission = table.get("transmission").map(|v| share(&v)).transpose()?;
     let expected = "a number above 0";
@@ -171,7 +175,7 @@ fn look(table: &Table, groups: &[Group], warnings: &mut Vec<String>) -> Result<L
             table.error("`emission` without `group`: expected both, since the group switches the emission")
         );
     }
-    Ok(Look {
+    Ok(SurfaceOverrides {
         albedo,
         transmission,
         lightmap: table.get("lightmap").map(|v| v.boolean()).transpose()?,
@@ -195,7 +199,7 @@ fn albedo(value: &Value, warnings: &mut Vec<String>) -> Result<DVec3> {
     if albedo.max_element() > super::WHITE {
         warnings.push(format!(
             "{}: {}: above {} light hardly fades between bounces; white paint is about 0.8",
-            value.place(),
+            value.source_line(),
             value.shown(),
             super::WHITE
         ));

@@ -17,7 +17,7 @@ pub(super) struct Source<'a> {
 
 impl Source<'_> {
     /// `file:line` of a byte offset.
-    fn place(&self, offset: usize) -> String {
+    fn source_line(&self, offset: usize) -> String {
         let upto = &self.text.as_bytes()[..offset.min(self.text.len())];
         format!("{}:{}", self.file, 1 + upto.iter().filter(|&&b| b == b'\n').count())
     }
@@ -40,12 +40,12 @@ pub(super) fn parse<T>(
     read: impl FnOnce(Table) -> Result<T>,
 ) -> Result<T> {
     let root = DeTable::parse(source.text).map_err(|e| {
-        let place = source.place(e.span().map_or(0, |s| s.start));
+        let source_line = source.source_line(e.span().map_or(0, |s| s.start));
         let quotes = ["date", "time", "float"].iter().any(|kind| e.message().contains(kind));
         let number = e.span().and_then(|span| number_hint(source.text, span.start));
         let quoted = if quotes { " (dates and times of day stand in quotes)" } else { "" };
         let hint = number.unwrap_or_else(|| quoted.to_owned());
-        Error::invalid(place, format!("not TOML: {}{hint}", e.message()))
+        Error::invalid(source_line, format!("not TOML: {}{hint}", e.message()))
     })?;
     read(Table::new(source, "the scene file", 0, root.get_ref(), keys)?)
 }
@@ -101,13 +101,13 @@ impl<'a> Table<'a> {
     ) -> Result<Self> {
         for (key, value) in table {
             if !keys.contains(&key.get_ref().as_ref()) {
-                let place = source.place(key.span().start);
+                let source_line = source.source_line(key.span().start);
                 let shown = match value.get_ref() {
                     DeValue::Table(_) => String::new(),
                     _ => format!(" = {}", source.excerpt(value.span())),
                 };
                 return Err(Error::invalid(
-                    place,
+                    source_line,
                     format!(
                         "{}{shown}: unknown key in {name}: expected one of {}{}",
                         key.get_ref(),
@@ -121,13 +121,13 @@ impl<'a> Table<'a> {
     }
 
     /// `file:line` of its heading.
-    pub fn place(&self) -> String {
-        self.source.place(self.offset)
+    pub fn source_line(&self) -> String {
+        self.source.source_line(self.offset)
     }
 
     /// An error about the table as a whole.
     pub fn error(&self, what: impl Display) -> Error {
-        Error::invalid(self.place(), format!("{}: {what}", self.name))
+        Error::invalid(self.source_line(), format!("{}: {what}", self.name))
     }
 
     /// The value of an optional key.
@@ -171,8 +171,8 @@ pub(super) struct Value<'a> {
 
 impl<'a> Value<'a> {
     /// `file:line`.
-    pub fn place(&self) -> String {
-        self.source.place(self.value.span().start)
+    pub fn source_line(&self) -> String {
+        self.source.source_line(self.value.span().start)
     }
 
     /// `key = value`, as typed.
@@ -182,7 +182,7 @@ impl<'a> Value<'a> {
 
     /// `file:line: key = value: what`.
     pub fn error(&self, what: impl Display) -> Error {
-        Error::invalid(self.place(), format!("{}: {what}", self.shown()))
+        Error::invalid(self.source_line(), format!("{}: {what}", self.shown()))
     }
 
     fn expected(&self, expected: &str) -> Error {

@@ -62,7 +62,7 @@ pub(super) fn ground(table: &Table, sky: &Sky) -> Result<Option<DVec3>> {
 }
 
 /// Reads `[sky]`; `folder` is the scene file's.
-pub(super) fn read(table: &Table, has_place: bool, folder: &Path) -> Result<Sky> {
+pub(super) fn read(table: &Table, has_location: bool, folder: &Path) -> Result<Sky> {
     let expected = r#""hosek-wilkie", "constant" or "image""#;
     let model = table.require("model", expected)?;
     // A key of another model would be ignored without a word.
@@ -78,7 +78,7 @@ pub(super) fn read(table: &Table, has_place: bool, folder: &Path) -> Result<Sky>
     match model.text(expected)? {
         "hosek-wilkie" => {
             only(&["turbidity", "ground_albedo", "ground"])?;
-            if !has_place {
+            if !has_location {
                 return Err(model.error("expected a [place], from which this sky has its sun"));
             }
             let expected = "a number from 0 to 1";

@@ -15,7 +15,7 @@ use crate::geometry::{Bounds, FileCamera, Geometry};
 use crate::preview::options::Options as PreviewOptions;
 use crate::preview::view;
 use crate::scene::{Camera, MAX_FOV, Portal, Scene, SunKey, SunTrack, is_reserved};
-use crate::trace::rays::Rays;
+use crate::trace::ray_tracer::RayTracer;
 use crate::{Error, Result, geometry};
 use dataset::console::count;
 use dataset::files::write_atomically;
@@ -38,7 +38,7 @@ pub struct Found {
     pub texels_per_metre: f64,
     /// Window-like openings, metres.
     pub portals: Vec<Portal>,
-    /// Light groups of what shines in it.
+    /// Light groups of the emitters in it.
     pub groups: Vec<String>,
     /// The directional light that would be its sun.
     pub sun: Option<SunKey>,
@@ -82,7 +82,7 @@ const DENSITIES: [(f64, f64); 4] = [(30.0, 24.0), (100.0, 12.0), (300.0, 6.0), (
 /// Sides of the lightmap.
 const SIDES: std::ops::RangeInclusive<u32> = 256..=2048;
 /// Share of the page that charts fill, about.
-const FILLED: f64 = 0.7;
+const FILLED_SHARE: f64 = 0.7;
 
 /// Writes a scene file for a model; gives what `--json` prints.
 ///
@@ -156,21 +156,21 @@ pub fn find(model: &Path) -> Result<Found> {
     let longest = extent.max_element() * unit.metres;
     let wanted = DENSITIES.iter().find(|(most, _)| longest <= *most).map_or(3.0, |(_, density)| *density);
     let area: f64 = (0..geometry.triangles.len()).map(|t| f64::from(geometry.area(t))).sum();
-    let side = (wanted * (area / FILLED).sqrt()).max(1.0).min(f64::from(*SIDES.end())) as u32;
+    let side = (wanted * (area / FILLED_SHARE).sqrt()).max(1.0).min(f64::from(*SIDES.end())) as u32;
     let side = side.next_power_of_two().clamp(*SIDES.start(), *SIDES.end());
-    let texels_per_metre = f64::from(side) * (FILLED / area.max(f64::MIN_POSITIVE)).sqrt();
-    let rays = Rays::new(&geometry);
+    let texels_per_metre = f64::from(side) * (FILLED_SHARE / area.max(f64::MIN_POSITIVE)).sqrt();
+    let ray_tracer = RayTracer::new(&geometry);
     // A prop has gaps, and no windows.
     let portals = match longest < view::SMALLEST_ROOM {
         true => Vec::new(),
-        false => openings(&geometry, &rays),
+        false => openings(&geometry, &ray_tracer),
     };
     let mut lit = scene;
     geometry.lights.add_to(&mut lit);
     let cameras = cameras(geometry.originals.cameras(), unit);
     let cameras_are_ours = cameras.is_empty();
     let cameras = match cameras_are_ours {
-        true => vec![view::default(&PreviewOptions::new(12.0), &geometry, &rays, &|_| 1.0)?],
+        true => vec![view::default(&PreviewOptions::new(12.0), &geometry, &ray_tracer, &|_| 1.0)?],
         false => cameras,
     };
     let mut glowing: Vec<String> = geometry
@@ -200,7 +200,7 @@ pub fn find(model: &Path) -> Result<Found> {
         groups,
         sun: lit.sun.and_then(|sun| match sun.track {
             SunTrack::Authored(keys) => keys.first().copied(),
-            SunTrack::Place { .. } => None,
+            SunTrack::Computed { .. } => None,
         }),
         glowing,
         warnings,

@@ -19,12 +19,12 @@ pub const UNITS: [Unit; 3] = [
 ];
 
 /// The longest side of most scenes lies between these, in metres.
-const EXTENT: [f64; 2] = [2.0, 500.0];
+const USUAL_EXTENTS: [f64; 2] = [2.0, 500.0];
 /// The longest side of a scene of which nothing else is known, in metres; it decides between two units that
 /// fit.
-const USUAL: f64 = 15.0;
+const USUAL_EXTENT: f64 = 15.0;
 /// The median of the longest edges of its triangles lies between these, in metres.
-const EDGE: [f64; 2] = [0.005, 20.0];
+const USUAL_EDGES: [f64; 2] = [0.005, 20.0];
 
 /// The unit in which the size of a model and of its triangles best fit a scene that people walk through.
 pub fn guess(geometry: &Geometry) -> Unit {
@@ -34,7 +34,7 @@ pub fn guess(geometry: &Geometry) -> Unit {
     let edge = median_edge(geometry);
     let misfit = |unit: &Unit| {
         let (extent, edge) = (extent * unit.metres, edge * unit.metres);
-        outside(extent, EXTENT) + outside(edge, EDGE) + 0.2 * outside(extent, [USUAL; 2])
+        outside(extent, USUAL_EXTENTS) + outside(edge, USUAL_EDGES) + 0.2 * outside(extent, [USUAL_EXTENT; 2])
     };
     let [metres, others @ ..] = UNITS;
     let best = others.into_iter().min_by(|a, b| misfit(a).total_cmp(&misfit(b)));

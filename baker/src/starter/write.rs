@@ -96,7 +96,7 @@ fn parts(found: &Found, line: &mut impl FnMut(&str)) {
     line("# on = [[\"18:00\", \"23:30\"]]");
 }
 
-/// What shines in the model.
+/// The emitters in the model.
 fn groups(names: &[String], line: &mut impl FnMut(&str)) {
     for (i, name) in names.iter().enumerate() {
         line("");

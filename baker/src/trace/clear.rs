@@ -70,7 +70,7 @@ impl Space<'_> {
         let (from, to) = ((middle - half - rounding).as_vec3(), (middle + half + rounding).as_vec3());
         // A triangle stands in the way unless it lies beside the surface, over it, or below all points, as
         // the surface itself does.
-        !self.rays.any_in_box(from, to, |_, corners| {
+        !self.ray_tracer.any_in_box(from, to, |_, corners| {
             let [a, b, c] = corners.map(|corner| frame.coordinates(corner));
             a.min(b).min(c).cmple(high).all() && a.max(b).max(c).cmpge(low).all()
         })

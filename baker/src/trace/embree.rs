@@ -1,5 +1,5 @@
-//! Kernel file (holds `unsafe`): Intel's Embree 4 behind [`super::rays::Rays`], through the few functions
-//! declared here.
+//! Kernel file (holds `unsafe`): Intel's Embree 4 behind [`super::ray_tracer::RayTracer`], through the few
+//! functions declared here.
 //!
 //! Not through the crate `embree4-rs`: its newest release (0.0.16, over `embree4-sys` 0.0.12) vendors the
 //! headers of 4.2, where a hit ends before `instPrimID`. Libraries from 4.3 on write that field too, four

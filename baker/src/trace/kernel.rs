@@ -256,13 +256,15 @@ pub(super) fn nearest<L: Lanes>(
             if triangle == from {
                 continue;
             }
-            let Some(meeting) = line.exact.meet(&corners(packet, lane), f64::INFINITY) else { continue };
-            let is_nearer = best
-                .as_ref()
-                .is_none_or(|(other, at)| meeting.t < at.t || meeting.t == at.t && triangle < *other);
-            if is_nearer && (marked & CUT_OUT == 0 || !is_open(triangle, &meeting)) {
-                best = Some((triangle, meeting));
-                t_max = meeting.t as f32;
+            let Some(triangle_hit) = line.exact.intersect(&corners(packet, lane), f64::INFINITY) else {
+                continue;
+            };
+            let is_nearer = best.as_ref().is_none_or(|(other, at)| {
+                triangle_hit.t < at.t || triangle_hit.t == at.t && triangle < *other
+            });
+            if is_nearer && (marked & CUT_OUT == 0 || !is_open(triangle, &triangle_hit)) {
+                best = Some((triangle, triangle_hit));
+                t_max = triangle_hit.t as f32;
             }
         }
     }
@@ -271,7 +273,7 @@ pub(super) fn nearest<L: Lanes>(
 
 /// Whether a triangle of the packet is hit with 0 < t < `t_max`.
 #[inline(always)]
-fn stands_in<L: Lanes>(
+fn is_blocked_by<L: Lanes>(
     packet: &Packet,
     line: &Line,
     t_max: f32,
@@ -288,8 +290,8 @@ fn stands_in<L: Lanes>(
         if triangle == from {
             continue;
         }
-        if let Some(meeting) = line.exact.meet(&corners(packet, lane), f64::from(t_max))
-            && (marked & CUT_OUT == 0 || !is_open(triangle, &meeting))
+        if let Some(triangle_hit) = line.exact.intersect(&corners(packet, lane), f64::from(t_max))
+            && (marked & CUT_OUT == 0 || !is_open(triangle, &triangle_hit))
         {
             return true;
         }
@@ -316,7 +318,7 @@ pub(super) fn occluded<L: Lanes>(
         if child & LEAF != 0 {
             // SAFETY: the builder's numbers exist.
             let packet = unsafe { bvh.packets.get_unchecked((child & !LEAF) as usize) };
-            if stands_in::<L>(packet, line, t_max, from, is_open) {
+            if is_blocked_by::<L>(packet, line, t_max, from, is_open) {
                 return true;
             }
             continue;

@@ -4,7 +4,7 @@ use crate::scene::Camera;
 use glam::{DVec3, Vec2, Vec3};
 
 /// The triangle of a ray that starts on none.
-pub const NOWHERE: u32 = u32::MAX;
+pub const NO_TRIANGLE: u32 = u32::MAX;
 
 /// A camera ready to see: rays through its picture.
 pub struct Lens {

@@ -1,7 +1,7 @@
 //! The light a bake traces: the distinct suns, the lit skies and the traced groups, one layer each, in that
 //! order.
 
-use super::subset::{ALL_UP_TO, chances};
+use super::light_subset::{FEW_GROUPS, chances};
 use crate::Rgb;
 use crate::light::group::GroupSampler;
 use crate::light::guide::SkyGuide;
@@ -21,12 +21,12 @@ pub struct Lights {
     pub ground: Vec<Rgb>,
     /// The traced groups.
     pub groups: Vec<GroupLight>,
-    /// Per group of the scene, its place among `groups`; `None`: not traced.
-    pub place_of_group: Vec<Option<usize>>,
+    /// Per group of the scene, its index among `groups`; `None`: not traced.
+    pub index_of_group: Vec<Option<usize>>,
     /// Per layer, whether lightmaps hold what comes straight from its light.
-    pub straight: Vec<bool>,
-    /// Per traced group, its place among those with emissive surfaces, which paths can meet.
-    pub place_among_met: Vec<Option<usize>>,
+    pub holds_direct: Vec<bool>,
+    /// Per traced group, its index among those with emissive surfaces, which paths can meet.
+    pub hit_index_of_group: Vec<Option<usize>>,
     /// Whether what comes straight from the sky is summed apart.
     pub is_sky_apart: bool,
 }
@@ -61,12 +61,14 @@ impl SunLight {
         self.disc.irradiance
     }
 
-    /// A direction towards the disc; `draw` is the same for all suns of a sample.
+    /// A direction towards the disc; `sun_sample` is the same for all suns of a sample.
     #[inline]
-    pub fn sample(&self, draw: &SunSample) -> Vec3 {
+    pub fn sample(&self, sun_sample: &SunSample) -> Vec3 {
         match self.across {
-            Some([x, y]) => (self.disc.direction + x * draw.on_disc.x + y * draw.on_disc.y).normalize(),
-            None => self.disc.sample(draw.u),
+            Some([x, y]) => {
+                (self.disc.direction + x * sun_sample.on_disc.x + y * sun_sample.on_disc.y).normalize()
+            }
+            None => self.disc.sample(sun_sample.u),
         }
     }
 }
@@ -105,49 +107,49 @@ impl Lights {
     pub fn none() -> Self {
         let sky = SkyTable::new(None, None, &[]);
         let (suns, ground) = (Vec::new(), Vec::new());
-        let (groups, place_of_group) = (Vec::new(), Vec::new());
+        let (groups, index_of_group) = (Vec::new(), Vec::new());
         Lights {
             suns,
             sky,
             guide: None,
             ground,
             groups,
-            place_of_group,
-            straight: Vec::new(),
-            place_among_met: Vec::new(),
+            index_of_group,
+            holds_direct: Vec::new(),
+            hit_index_of_group: Vec::new(),
             is_sky_apart: false,
         }
     }
 
     /// Adds to each layer what lightmaps hold of the light that comes straight from it: `direct` as sampled
-    /// (by layer), `met` as paths met it.
-    pub fn add_held(&self, direct: &[Rgb], met: &[Rgb], out: &mut [Rgb]) {
+    /// (by layer), `hit_light` as paths met it.
+    pub fn add_held(&self, direct: &[Rgb], hit_light: &[Rgb], out: &mut [Rgb]) {
         let held = |(_, holds): &((&mut Rgb, &Rgb), &bool)| **holds;
-        for ((out, direct), _) in out.iter_mut().zip(direct).zip(&self.straight).filter(held) {
+        for ((out, direct), _) in out.iter_mut().zip(direct).zip(&self.holds_direct).filter(held) {
             *out += *direct;
         }
-        for (layer, place) in self.layers_of_met().filter(|(layer, _)| self.straight[*layer]) {
-            out[layer] += met[place];
+        for (layer, index) in self.layers_of_hit_lights().filter(|(layer, _)| self.holds_direct[*layer]) {
+            out[layer] += hit_light[index];
         }
     }
 
     /// How many lights paths can meet straight from their start whose light is summed apart there: groups
     /// with emissive surfaces, then the hours of the sky if it is one.
-    pub fn met(&self) -> usize {
-        self.place_among_met.iter().flatten().count() + self.sky_among_met().len()
+    pub fn hit_lights(&self) -> usize {
+        self.hit_index_of_group.iter().flatten().count() + self.sky_among_hit_lights().len()
     }
 
-    /// The places of the sky's layers among what is met.
-    fn sky_among_met(&self) -> std::ops::Range<usize> {
-        let groups = self.place_among_met.iter().flatten().count();
+    /// The indices of the sky's layers among what is met.
+    fn sky_among_hit_lights(&self) -> std::ops::Range<usize> {
+        let groups = self.hit_index_of_group.iter().flatten().count();
         groups..groups + if self.is_sky_apart { self.sky.lit.len() } else { 0 }
     }
 
-    /// What is met, each by its layer and its place.
-    pub fn layers_of_met(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
-        let places = self.place_among_met.iter().enumerate();
-        let groups = places.filter_map(|(group, place)| Some((self.group_layer(group), (*place)?)));
-        groups.chain(self.sky_layers().zip(self.sky_among_met()))
+    /// What is met, each by its layer and its index.
+    pub fn layers_of_hit_lights(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        let indices = self.hit_index_of_group.iter().enumerate();
+        let groups = indices.filter_map(|(group, index)| Some((self.group_layer(group), (*index)?)));
+        groups.chain(self.sky_layers().zip(self.sky_among_hit_lights()))
     }
 
     /// Number of layers.
@@ -155,12 +157,20 @@ impl Lights {
         self.suns.len() + self.sky.lit.len() + self.groups.len()
     }
 
-    /// Adds the light that comes from outside the scene in a direction, times `beta`: of the sky, to `met` if
-    /// it is there and the sky is summed apart, and of the ground below the horizon.
+    /// Adds the light that comes from outside the scene in a direction, times `beta`: of the sky, to
+    /// `hit_light` if it is there and the sky is summed apart, and of the ground below the horizon.
     #[inline]
-    pub fn add_from_outside(&self, direction: Vec3, beta: Rgb, out: &mut [Rgb], met: Option<&mut [Rgb]>) {
-        match met {
-            Some(met) if self.is_sky_apart => self.sky.add(direction, beta, &mut met[self.sky_among_met()]),
+    pub fn add_from_outside(
+        &self,
+        direction: Vec3,
+        beta: Rgb,
+        out: &mut [Rgb],
+        hit_light: Option<&mut [Rgb]>,
+    ) {
+        match hit_light {
+            Some(hit_light) if self.is_sky_apart => {
+                self.sky.add(direction, beta, &mut hit_light[self.sky_among_hit_lights()])
+            }
             _ => self.sky.add(direction, beta, &mut out[self.sky_layers()]),
         }
         if direction.y < 0.0 {
@@ -183,20 +193,20 @@ impl Lights {
         self.suns.len() + self.groups.len()
     }
 
-    /// The chance with which each group is asked for its light at a point with a unit normal, where there are
-    /// more than a few and `asked` of them are asked: in proportion to a guess of it, beside all that the
-    /// group gives anywhere. `None`: all are asked.
-    pub fn chances(&self, point: Vec3, normal: Vec3, asked: usize) -> Option<Vec<f32>> {
-        /// The part of `asked` that goes evenly to all that may give light: the guess knows of no shadows.
+    /// The chance with which each group is sampled at a point with a unit normal, where there are
+    /// more than a few and `selected` of them are: in proportion to a guess of it, beside all that the
+    /// group gives anywhere. `None`: all are.
+    pub fn chances(&self, point: Vec3, normal: Vec3, selected: usize) -> Option<Vec<f32>> {
+        /// The part of `selected` that goes evenly to all that may give light: the guess knows of no shadows.
         const EVEN: f32 = 0.2;
-        if self.groups.len() <= ALL_UP_TO {
+        if self.groups.len() <= FEW_GROUPS {
             return None;
         }
         let mut worth: Vec<f32> = self.groups.iter().map(|g| g.sampler.worth(point, normal)).collect();
         let able = worth.iter().filter(|w| **w > 0.0).count();
         let even = EVEN / (1.0 - EVEN) * worth.iter().sum::<f32>() / able.max(1) as f32;
         worth.iter_mut().filter(|w| **w > 0.0).for_each(|w| *w += even);
-        chances(&mut worth, asked);
+        chances(&mut worth, selected);
         Some(worth)
     }
 

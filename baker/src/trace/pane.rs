@@ -3,11 +3,11 @@
 
 use super::triangle::Hit;
 use crate::Rgb;
-use crate::geometry::{DARK, Geometry};
+use crate::geometry::{BLOCKED_BELOW, Geometry};
 
 /// What becomes of a path at glass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Fate {
+pub(super) enum GlassEvent {
     /// It goes on in its direction.
     Passes,
     /// It is reflected: its weight is yet to be multiplied by the albedo.
@@ -22,28 +22,28 @@ pub(super) enum Fate {
 ///
 /// The density of the direction stays what it was, for the choice says nothing about it: a light that is
 /// found behind glass counts with the same share of the balance heuristic as in the open.
-pub(super) fn meet(
+pub(super) fn pass_or_reflect(
     geometry: &Geometry,
     hit: &Hit,
     absorbs: bool,
     choice: impl FnOnce() -> f32,
     weight: &mut Rgb,
-) -> Fate {
+) -> GlassEvent {
     let triangle = hit.triangle as usize;
     let passing = *weight * geometry.transmittance_at(triangle, hit.barycentric);
     let albedo = if absorbs { Rgb::ZERO } else { geometry.albedo_at(triangle, hit.barycentric) };
     // In proportion to the brightest channel of what the path would bring: weights then never grow by more
     // than a factor of three, however much glass there is.
     let (through, back) = (passing.max_element(), (*weight * albedo).max_element());
-    if through < DARK && back <= 0.0 {
-        return Fate::Ends;
+    if through < BLOCKED_BELOW && back <= 0.0 {
+        return GlassEvent::Ends;
     }
-    let probability = if through < DARK { 0.0 } else { through / (through + back) };
+    let probability = if through < BLOCKED_BELOW { 0.0 } else { through / (through + back) };
     if probability == 1.0 || probability > 0.0 && choice() < probability {
         *weight = passing / probability;
-        Fate::Passes
+        GlassEvent::Passes
     } else {
         *weight /= 1.0 - probability;
-        Fate::Reflects
+        GlassEvent::Reflects
     }
 }

@@ -7,12 +7,12 @@
 //! both sampled and met, weighted by the balance heuristic (Veach & Guibas 1995).
 
 use super::counts::RayCounts;
+use super::light_subset::{FEW_GROUPS, SystematicSampler};
 use super::lights::{GroupLight, Lights, SunSample};
-use super::pane::{Fate, meet};
-use super::rays::Passed;
+use super::pane::{GlassEvent, pass_or_reflect};
+use super::ray_tracer::PassedGlass;
 use super::sampler::Sample;
 use super::space::{Receiver, Space};
-use super::subset::{ALL_UP_TO, SystematicSampler};
 use super::triangle::Hit;
 use crate::Rgb;
 use crate::light::lamp::LampSample;
@@ -32,7 +32,7 @@ const ENDLESS_WEIGHT: f32 = 10.0;
 pub struct Transport<'a> {
     /// What light moves in.
     pub space: Space<'a>,
-    /// What shines.
+    /// The emitters.
     pub lights: &'a Lights,
     /// Most reflections, `None` for no limit.
     pub(super) bounces: Option<u32>,
@@ -60,7 +60,7 @@ mod dimension {
     /// The point within the texel.
     pub const POINT: u32 = 0;
     const PER_VERTEX: u32 = 4;
-    pub fn onwards(vertex: u32) -> u32 {
+    pub fn next_direction(vertex: u32) -> u32 {
         PER_VERTEX * vertex + 1
     }
     pub fn sun(vertex: u32) -> u32 {
@@ -76,8 +76,8 @@ mod dimension {
     pub fn pane(vertex: u32, pane: u32) -> u32 {
         vertex.wrapping_mul(0x85eb_ca6b).wrapping_add(pane).wrapping_add(0x676c_6173)
     }
-    /// Which groups are asked.
-    pub fn asked(vertex: u32) -> u32 {
+    /// Which groups are sampled.
+    pub fn selected(vertex: u32) -> u32 {
         0x6173_6b00 + vertex
     }
     /// Those of groups are spread by their key.
@@ -103,25 +103,25 @@ impl<'a> Transport<'a> {
     }
 
     /// One sample of the light that comes straight from a sampled light (suns, then groups) as irradiance;
-    /// its share, where the path may meet the light as well. `draw` is [`sun_sample`] of the sample.
+    /// its share, where the path may meet the light as well. `sun_sample` is [`sun_sample`] of the sample.
     pub fn direct(
         &self,
         at: &Receiver,
         light: usize,
         sample: Sample,
-        draw: &SunSample,
+        sun_sample: &SunSample,
         counts: &mut RayCounts,
     ) -> Rgb {
-        self.direct_at(at, light, sample, draw, 0, counts)
+        self.direct_at(at, light, sample, sun_sample, 0, counts)
     }
 
     /// [`Lights::chances`] at a point of a surface.
-    pub fn chances(&self, at: &Receiver, asked: usize) -> Option<Vec<f32>> {
-        self.lights.chances(at.origin, at.normal, asked)
+    pub fn chances(&self, at: &Receiver, selected: usize) -> Option<Vec<f32>> {
+        self.lights.chances(at.origin, at.normal, selected)
     }
 
     /// Adds one sample, times `weight`, of the light that comes straight from each sampled light at a vertex
-    /// of a path (0: its start); of more than a few groups some are asked ([`Lights::chances`]).
+    /// of a path (0: its start); of more than a few groups some are sampled ([`Lights::chances`]).
     pub fn add_direct(
         &self,
         at: &Receiver,
@@ -131,20 +131,20 @@ impl<'a> Transport<'a> {
         out: &mut [Rgb],
         counts: &mut RayCounts,
     ) {
-        let draw = SunSample::new(sample.pair(dimension::sun(vertex)));
+        let sun_sample = SunSample::new(sample.pair(dimension::sun(vertex)));
         let suns = self.lights.suns.len();
-        let chances = self.chances(at, ALL_UP_TO);
-        let mut comb = SystematicSampler::new(if chances.is_some() {
-            sample.number(dimension::asked(vertex))
+        let chances = self.chances(at, FEW_GROUPS);
+        let mut sampler = SystematicSampler::new(if chances.is_some() {
+            sample.number(dimension::selected(vertex))
         } else {
             0.0
         });
         for light in 0..self.lights.sampled() {
-            // (How likely a group is asked does not change how its light is shared with the path, which may
+            // (How likely a group is sampled does not change how its light is shared with the path, which may
             // meet it too.)
             let chance = chances.as_ref().map_or(1.0, |c| if light < suns { 1.0 } else { c[light - suns] });
-            if comb.asks(chance) {
-                let found = self.direct_at(at, light, sample, &draw, vertex, counts);
+            if sampler.selects(chance) {
+                let found = self.direct_at(at, light, sample, &sun_sample, vertex, counts);
                 out[self.lights.layer_of_sampled(light)] += weight * found / chance;
             }
         }
@@ -155,19 +155,20 @@ impl<'a> Transport<'a> {
         at: &Receiver,
         light: usize,
         sample: Sample,
-        draw: &SunSample,
+        sun_sample: &SunSample,
         vertex: u32,
         counts: &mut RayCounts,
     ) -> Rgb {
         match self.lights.suns.get(light) {
             Some(sun) => {
-                let direction = sun.sample(draw);
+                let direction = sun.sample(sun_sample);
                 let cosine = direction.dot(at.normal);
                 if cosine <= 0.0 || direction.dot(at.face_normal) <= 0.0 {
                     return Rgb::ZERO;
                 }
                 counts.sun += 1;
-                let through = self.space.rays.through(at.origin, direction, f32::INFINITY, at.triangle);
+                let through =
+                    self.space.ray_tracer.transmittance(at.origin, direction, f32::INFINITY, at.triangle);
                 sun.irradiance() * cosine * through
             }
             None => {
@@ -199,10 +200,12 @@ impl<'a> Transport<'a> {
         counts.lamp += 1;
         // A ray to an emissive triangle must not be stopped by that very triangle.
         let distance = match s.emitter {
-            Some((triangle, _)) => self.space.rays.short_of(at.origin, s.direction, s.distance, triangle),
+            Some((triangle, _)) => {
+                self.space.ray_tracer.distance_before(at.origin, s.direction, s.distance, triangle)
+            }
             None => s.distance,
         };
-        let through = self.space.rays.through(at.origin, s.direction, distance, at.triangle);
+        let through = self.space.ray_tracer.transmittance(at.origin, s.direction, distance, at.triangle);
         if through == Rgb::ZERO {
             return None;
         }
@@ -235,28 +238,28 @@ impl<'a> Transport<'a> {
 
     /// What a surface that is no glass sends light back from, first met from here, distributed as the cosine;
     /// `None` also where that is the back of a one-sided triangle.
-    pub fn look(&self, at: &Receiver, sample: Sample) -> Option<Hit> {
-        let direction = cosine_direction(at.normal, sample.pair(dimension::onwards(0)));
+    pub fn visible_hit(&self, at: &Receiver, sample: Sample) -> Option<Hit> {
+        let direction = cosine_direction(at.normal, sample.pair(dimension::next_direction(0)));
         if direction.dot(at.face_normal) <= 0.0 {
             return None;
         }
-        let hit = self.space.rays.nearest_wall(at.origin, direction, at.triangle)?;
+        let hit = self.space.ray_tracer.nearest_wall(at.origin, direction, at.triangle)?;
         (self.space.front(hit.triangle).dot(direction) < 0.0).then_some(hit)
     }
 
-    /// Adds one sample of all light at `start` that does not come straight from a sampled light. `land` is
-    /// called where the path arrives at a surface; it returns true where it knows the light there, has added
-    /// it, and the path may end.
+    /// Adds one sample of all light at `start` that does not come straight from a sampled light. `on_arrival`
+    /// is called where the path arrives at a surface; it returns true where it knows the light there, has
+    /// added it, and the path may end.
     ///
-    /// With `met`, what comes straight from emissive surfaces to the start is added there, and from the sky
-    /// if it is summed apart ([`Lights::layers_of_met`]).
+    /// With `hit_light`, what comes straight from emissive surfaces to the start is added there, and from the
+    /// sky if it is summed apart ([`Lights::layers_of_hit_lights`]).
     pub fn indirect(
         &self,
         start: &Receiver,
         sample: Sample,
-        mut land: impl FnMut(&Arrival, &mut [Rgb], &mut RayCounts) -> bool,
+        mut on_arrival: impl FnMut(&Arrival, &mut [Rgb], &mut RayCounts) -> bool,
         out: &mut [Rgb],
-        mut met: Option<&mut [Rgb]>,
+        mut hit_light: Option<&mut [Rgb]>,
         counts: &mut RayCounts,
     ) {
         let lights = self.lights;
@@ -265,26 +268,28 @@ impl<'a> Transport<'a> {
         let mut weight = Rgb::ONE;
         for vertex in 0.. {
             if vertex > 0 {
-                met = None;
+                hit_light = None;
             }
             if let Some(light) = self.guided_sky(&at, sample, vertex, counts) {
-                lights.add_from_outside(light.0, weight * light.1, out, met.as_deref_mut());
+                lights.add_from_outside(light.0, weight * light.1, out, hit_light.as_deref_mut());
             }
             // Onwards, distributed as the cosine: E = ∫ L cos θ dω is estimated by π L.
-            let direction = cosine_direction(at.normal, sample.pair(dimension::onwards(vertex)));
+            let direction = cosine_direction(at.normal, sample.pair(dimension::next_direction(vertex)));
             if direction.dot(at.face_normal) <= 0.0 {
                 return;
             }
             counts.path += 1;
             let pdf = direction.dot(at.normal).max(0.0) / PI;
             // To the first surface that does not let the path through.
-            let (mut passed, mut panes) = (Passed::default(), 0);
+            let (mut passed, mut panes) = (PassedGlass::default(), 0);
             let (hit, is_back) = loop {
                 let beta = weight * PI;
-                let Some(hit) = self.space.rays.beyond(at.origin, direction, at.triangle, &passed) else {
+                let Some(hit) =
+                    self.space.ray_tracer.nearest_behind(at.origin, direction, at.triangle, &passed)
+                else {
                     let guided = lights.guide.as_ref().map(|g| g.pdf(at.origin, at.normal, direction));
                     let share = guided.map_or(1.0, |guided| balance_heuristic(pdf, guided));
-                    lights.add_from_outside(direction, beta * share, out, met.as_deref_mut());
+                    lights.add_from_outside(direction, beta * share, out, hit_light.as_deref_mut());
                     return;
                 };
                 let triangle = hit.triangle as usize;
@@ -297,7 +302,7 @@ impl<'a> Transport<'a> {
                     return;
                 }
                 if let Some(emission) = material.emission
-                    && let Some(&Some(g)) = lights.place_of_group.get(emission.group as usize)
+                    && let Some(&Some(g)) = lights.index_of_group.get(emission.group as usize)
                     && !absorbs
                 {
                     let group = &lights.groups[g];
@@ -308,8 +313,8 @@ impl<'a> Transport<'a> {
                     let sampler = &group.sampler;
                     let sampled = sampler.emitter_pdf(at.origin, at.normal, hit.triangle, direction, hit.t);
                     let light = beta * radiance * balance_heuristic(pdf, sampled);
-                    match (&mut met, lights.place_among_met.get(g)) {
-                        (Some(met), Some(&Some(place))) => met[place] += light,
+                    match (&mut hit_light, lights.hit_index_of_group.get(g)) {
+                        (Some(hit_light), Some(&Some(index))) => hit_light[index] += light,
                         _ => out[lights.group_layer(g)] += light,
                     }
                 }
@@ -317,10 +322,10 @@ impl<'a> Transport<'a> {
                     break (hit, is_back);
                 }
                 let choice = || sample.number(dimension::pane(vertex, panes));
-                match meet(self.space.geometry, &hit, absorbs, choice, &mut weight) {
-                    Fate::Passes => passed.add(&hit),
-                    Fate::Reflects => break (hit, is_back),
-                    Fate::Ends => return,
+                match pass_or_reflect(self.space.geometry, &hit, absorbs, choice, &mut weight) {
+                    GlassEvent::Passes => passed.add(&hit),
+                    GlassEvent::Reflects => break (hit, is_back),
+                    GlassEvent::Ends => return,
                 }
                 panes += 1;
                 counts.path += 1;
@@ -332,7 +337,7 @@ impl<'a> Transport<'a> {
             // Reflected radiance is albedo ÷ π times the irradiance there.
             weight *= self.space.geometry.albedo_at(triangle, hit.barycentric);
             let arrival = Arrival { hit, is_back, weight, pdf, direction, is_first: vertex == 0 };
-            if land(&arrival, out, counts) {
+            if on_arrival(&arrival, out, counts) {
                 counts.cached += 1;
                 return;
             }
@@ -376,7 +381,7 @@ impl<'a> Transport<'a> {
             return None;
         }
         counts.sky += 1;
-        let through = self.space.rays.through(at.origin, direction, f32::INFINITY, at.triangle);
+        let through = self.space.ray_tracer.transmittance(at.origin, direction, f32::INFINITY, at.triangle);
         if through == Rgb::ZERO {
             return None;
         }
@@ -410,11 +415,11 @@ pub(super) fn cosine_direction(normal: Vec3, u: Vec2) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::trace::sampler::{Kind, Sequence};
+    use crate::trace::sampler::{Sequence, SequenceKind};
 
     #[test]
     fn cosine_directions_have_the_cosines_moments() {
-        let sequence = Sequence::new(1, Kind::Texel, 3, 0);
+        let sequence = Sequence::new(1, SequenceKind::Texel, 3, 0);
         let normal = Vec3::new(0.3, -0.5, 0.8).normalize();
         let n = 1 << 14;
         let (mut first, mut second) = (0.0, 0.0);

@@ -12,7 +12,7 @@ pub struct Sequence {
 
 /// What a sequence is of. (The numbers decide the bytes of every bake.)
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum SequenceKind {
     /// A texel of the virtual page.
     Texel = 0,
     /// A patch of the cache.
@@ -25,7 +25,7 @@ pub enum Kind {
 
 impl Sequence {
     /// The sequence for one purpose (`stream`) of what has this `index` among things of its kind.
-    pub fn new(seed: u64, kind: Kind, index: u32, stream: u32) -> Self {
+    pub fn new(seed: u64, kind: SequenceKind, index: u32, stream: u32) -> Self {
         let key = hash(seed as u32 ^ hash((seed >> 32) as u32 ^ hash(kind as u32 ^ 0x9e37_79b9)));
         Sequence { key: hash(key ^ hash(index ^ hash(stream ^ 0x85eb_ca6b))) }
     }
@@ -119,7 +119,7 @@ mod tests {
         // A (0, 2)-sequence in base 2: the first 2^m points put exactly one into each elementary box of area
         // 2^-m.
         for pair in 0..5 {
-            let sequence = Sequence::new(7, Kind::Texel, 42, 1);
+            let sequence = Sequence::new(7, SequenceKind::Texel, 42, 1);
             for m in 0..9u32 {
                 for split in 0..=m {
                     let (nx, ny) = (1u32 << split, 1u32 << (m - split));
@@ -141,7 +141,7 @@ mod tests {
         for sample in [0, 1, 5] {
             let (mut sx, mut sxy) = (0.0, 0.0);
             for texel in 0..n {
-                let p = Sequence::new(1, Kind::Texel, texel, 0).sample(sample).pair(3);
+                let p = Sequence::new(1, SequenceKind::Texel, texel, 0).sample(sample).pair(3);
                 sx += f64::from(p.x);
                 sxy += f64::from(p.x) * f64::from(p.y);
             }
@@ -154,7 +154,7 @@ mod tests {
     #[test]
     fn pairs_are_independent() {
         let n = 1 << 12;
-        let sequence = Sequence::new(3, Kind::Texel, 9, 0);
+        let sequence = Sequence::new(3, SequenceKind::Texel, 9, 0);
         let sum: f64 = (0..n)
             .map(|i| {
                 f64::from(sequence.sample(i).pair(0).x - 0.5) * f64::from(sequence.sample(i).pair(1).x - 0.5)

@@ -2,7 +2,7 @@
 //! told of a place here glass is as if it were not there.
 
 use super::counts::RayCounts;
-use super::rays::{Rays, offset_point};
+use super::ray_tracer::{RayTracer, offset_point};
 use super::triangle::Hit;
 use crate::geometry::{Geometry, Material, Solids};
 use crate::surface::SurfacePoint;
@@ -10,16 +10,16 @@ use glam::Vec3;
 
 /// Sine of 75°, what directions close to a surface are off its normal: what stands under a single sheet sees
 /// past it, what lies in a closed body does not.
-const SIN: f32 = 0.965_925_8;
+const GRAZING_SIN: f32 = 0.965_925_8;
 /// Cosine of that.
-const COS: f32 = 0.258_819_04;
+const GRAZING_COS: f32 = 0.258_819_04;
 
 /// Triangles, the rays among them, and what is known of each.
 pub struct Space<'a> {
     /// The triangles and materials.
     pub geometry: &'a Geometry,
     /// The ray tracer over them.
-    pub rays: &'a Rays<'a>,
+    pub ray_tracer: &'a RayTracer<'a>,
     /// Per triangle, the unit normal of its front.
     fronts: Vec<Vec3>,
     /// The triangles that bound solids.
@@ -32,8 +32,8 @@ const DIRECTIONS: usize = 5;
 /// What a point met in each of the directions that it looked in, so that no question asks for the same ray
 /// again.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Look {
-    met: [Option<Option<Hit>>; DIRECTIONS],
+pub struct SurroundingHits {
+    hits: [Option<Option<Hit>>; DIRECTIONS],
 }
 
 /// A point light arrives at, moved off its surface.
@@ -66,9 +66,9 @@ impl Receiver {
 
 impl<'a> Space<'a> {
     /// Triangles and the rays among them.
-    pub fn new(geometry: &'a Geometry, rays: &'a Rays<'a>) -> Self {
+    pub fn new(geometry: &'a Geometry, ray_tracer: &'a RayTracer<'a>) -> Self {
         let fronts = (0..geometry.triangles.len()).map(|t| geometry.normal(t)).collect();
-        Space { geometry, rays, fronts, solids: Solids::default() }
+        Space { geometry, ray_tracer, fronts, solids: Solids::default() }
     }
 
     /// The same, with the triangles that bound solids, which [`Space::is_in_solid`] rests on: none before.
@@ -106,23 +106,29 @@ impl<'a> Space<'a> {
 
     /// Whether a point lies inside a solid, closed or nearly so.
     pub fn is_inside(&self, at: &Receiver, counts: &mut RayCounts) -> bool {
-        let mut look = Look::default();
-        self.is_in_solid(at, &mut look, counts) || self.is_enclosed(at, &mut look, counts)
+        let mut known_hits = SurroundingHits::default();
+        self.is_in_solid(at, &mut known_hits, counts) || self.is_enclosed(at, &mut known_hits, counts)
     }
 
     /// The normal, and directions close to the surface all around. Rays there count for no light: to leave
     /// out points by what they meet does not favour the light that reaches the others.
-    fn around(at: &Receiver) -> [Vec3; DIRECTIONS] {
+    fn directions_around(at: &Receiver) -> [Vec3; DIRECTIONS] {
         let (tangent, bitangent) = at.face_normal.any_orthonormal_pair();
-        let aside = |side: Vec3| (side * SIN + at.face_normal * COS).normalize();
+        let aside = |side: Vec3| (side * GRAZING_SIN + at.face_normal * GRAZING_COS).normalize();
         [at.face_normal, aside(tangent), aside(bitangent), aside(-tangent), aside(-bitangent)]
     }
 
     /// What is met first in one of those directions: found once for each.
-    fn meet(&self, at: &Receiver, k: usize, look: &mut Look, counts: &mut RayCounts) -> Option<Hit> {
-        *look.met[k].get_or_insert_with(|| {
+    fn hit_in(
+        &self,
+        at: &Receiver,
+        k: usize,
+        known_hits: &mut SurroundingHits,
+        counts: &mut RayCounts,
+    ) -> Option<Hit> {
+        *known_hits.hits[k].get_or_insert_with(|| {
             counts.inside += 1;
-            self.rays.nearest_wall(at.origin, Self::around(at)[k], at.triangle)
+            self.ray_tracer.nearest_wall(at.origin, Self::directions_around(at)[k], at.triangle)
         })
     }
 
@@ -133,26 +139,37 @@ impl<'a> Space<'a> {
 
     /// What is met at once with a hit: where a body stands against another (a wall under a ceiling), the back
     /// of one and the front of the other.
-    fn met_at_once(&self, at: &Receiver, direction: Vec3, hit: &Hit, counts: &mut RayCounts) -> Option<Hit> {
-        const AT_ONCE: f32 = 1e-5;
+    fn coincident_hit(
+        &self,
+        at: &Receiver,
+        direction: Vec3,
+        hit: &Hit,
+        counts: &mut RayCounts,
+    ) -> Option<Hit> {
+        const COINCIDENT: f32 = 1e-5;
         counts.inside += 1;
-        let next = self.rays.nearest_wall(at.origin, direction, hit.triangle);
-        next.filter(|next| next.t - hit.t <= AT_ONCE * hit.t)
+        let next = self.ray_tracer.nearest_wall(at.origin, direction, hit.triangle);
+        next.filter(|next| next.t - hit.t <= COINCIDENT * hit.t)
     }
 
     /// Whether a point lies inside a closed solid: the first thing met along the normal, or in one of two
     /// directions close to the surface, is the back of one. From outside none is ever met back first, except
     /// where a front is met at once with it (sheets of two one-sided faces): such hits do not count.
-    pub fn is_in_solid(&self, at: &Receiver, look: &mut Look, counts: &mut RayCounts) -> bool {
+    pub fn is_in_solid(
+        &self,
+        at: &Receiver,
+        known_hits: &mut SurroundingHits,
+        counts: &mut RayCounts,
+    ) -> bool {
         if self.solids.is_empty() {
             return false;
         }
-        let directions = Self::around(at);
+        let directions = Self::directions_around(at);
         (0..3).any(|k| {
-            let (hit, direction) = (self.meet(at, k, look, counts), directions[k]);
+            let (hit, direction) = (self.hit_in(at, k, known_hits, counts), directions[k]);
             hit.is_some_and(|hit| {
                 self.solids.bound_by(hit.triangle) && self.is_absorbing_back(&hit, direction) && {
-                    let other = self.met_at_once(at, direction, &hit, counts);
+                    let other = self.coincident_hit(at, direction, &hit, counts);
                     other.is_none_or(|other| self.is_absorbing_back(&other, direction))
                 }
             })
@@ -161,27 +178,32 @@ impl<'a> Space<'a> {
 
     /// Whether a point lies in a body that may be open a little: along the normal and in four directions
     /// close to the surface, the back of a one-sided triangle is met.
-    pub fn is_enclosed(&self, at: &Receiver, look: &mut Look, counts: &mut RayCounts) -> bool {
-        self.meets_backs(at, |_| true, look, counts)
+    pub fn is_enclosed(
+        &self,
+        at: &Receiver,
+        known_hits: &mut SurroundingHits,
+        counts: &mut RayCounts,
+    ) -> bool {
+        self.is_surrounded_by_backs(at, |_| true, known_hits, counts)
     }
 
     /// Whether along the normal and in four directions close to the surface an absorbing back is met, of a
     /// material that counts.
-    fn meets_backs(
+    fn is_surrounded_by_backs(
         &self,
         at: &Receiver,
         counting: fn(&Material) -> bool,
-        look: &mut Look,
+        known_hits: &mut SurroundingHits,
         counts: &mut RayCounts,
     ) -> bool {
         let is_back = |hit: &Hit, direction: Vec3| {
             self.is_absorbing_back(hit, direction) && counting(self.material(hit.triangle))
         };
-        Self::around(at).into_iter().enumerate().all(|(k, direction)| {
-            let hit = self.meet(at, k, look, counts);
+        Self::directions_around(at).into_iter().enumerate().all(|(k, direction)| {
+            let hit = self.hit_in(at, k, known_hits, counts);
             hit.is_some_and(|hit| {
                 is_back(&hit, direction) || {
-                    let other = self.met_at_once(at, direction, &hit, counts);
+                    let other = self.coincident_hit(at, direction, &hit, counts);
                     other.is_some_and(|other| is_back(&other, direction))
                 }
             })
@@ -194,16 +216,16 @@ impl<'a> Space<'a> {
     ///
     /// Cut-outs hide nothing, nor does glass.
     pub fn is_hidden(&self, at: &Receiver, behind: &Receiver, gap: f32, counts: &mut RayCounts) -> bool {
-        let mut look = Look::default();
-        let Some(hit) = self.meet(at, 0, &mut look, counts) else {
+        let mut known_hits = SurroundingHits::default();
+        let Some(hit) = self.hit_in(at, 0, &mut known_hits, counts) else {
             return self.is_in_contact(at, behind, counts);
         };
         let is_seen_side = !self.is_absorbing_back(&hit, at.face_normal);
         if is_seen_side && hit.t <= gap && is_opaque(self.material(hit.triangle)) {
             return true;
         }
-        self.is_in_solid(at, &mut look, counts)
-            || self.meets_backs(at, is_opaque, &mut look, counts)
+        self.is_in_solid(at, &mut known_hits, counts)
+            || self.is_surrounded_by_backs(at, is_opaque, &mut known_hits, counts)
             || self.is_in_contact(at, behind, counts)
     }
 
@@ -214,7 +236,7 @@ impl<'a> Space<'a> {
         // From three times rounding behind the surface to as far in front of it.
         let step = at.origin - behind.origin;
         counts.inside += 1;
-        let hit = self.rays.nearest_wall(behind.origin - step, at.face_normal, at.triangle);
+        let hit = self.ray_tracer.nearest_wall(behind.origin - step, at.face_normal, at.triangle);
         hit.is_some_and(|hit| {
             let material = self.material(hit.triangle);
             hit.t <= 3.0 * step.length()
@@ -229,18 +251,18 @@ impl<'a> Space<'a> {
     /// absorbing back of a one-sided triangle is met first, and all around nothing that looks at the point
     /// (under a roof there is a floor).
     pub fn is_under_ground(&self, at: &Receiver, counts: &mut RayCounts) -> bool {
-        let mut met = |direction: Vec3| {
+        let mut is_back_met = |direction: Vec3| {
             counts.inside += 1;
-            let hit = self.rays.nearest_wall(at.origin, direction, at.triangle);
+            let hit = self.ray_tracer.nearest_wall(at.origin, direction, at.triangle);
             hit.map(|hit| self.is_absorbing_back(&hit, direction))
         };
         let upwards = Vec3::Y.reject_from_normalized(at.face_normal).normalize_or_zero();
-        let tilted = |side: Vec3| (side * SIN + at.face_normal * COS).normalize();
+        let tilted = |side: Vec3| (side * GRAZING_SIN + at.face_normal * GRAZING_COS).normalize();
         let aside = at.face_normal.cross(upwards);
-        met(tilted(upwards)) == Some(true)
+        is_back_met(tilted(upwards)) == Some(true)
             && [at.face_normal, tilted(aside), tilted(-aside), tilted(-upwards)]
                 .into_iter()
-                .all(|direction| met(direction) != Some(false))
+                .all(|direction| is_back_met(direction) != Some(false))
     }
 
     /// Whether nothing stands between two points.
@@ -250,18 +272,19 @@ impl<'a> Space<'a> {
         if b.triangle < u32::MAX
             && b.triangle != a.triangle
             && direction.dot(b.face_normal) > 0.0
-            && self.rays.stands_in(a.origin, direction, distance, b.triangle)
+            && self.ray_tracer.is_blocked_by(a.origin, direction, distance, b.triangle)
         {
             return false;
         }
         counts.inside += 1;
-        !self.rays.occluded(a.origin, direction, distance, a.triangle)
+        !self.ray_tracer.occluded(a.origin, direction, distance, a.triangle)
     }
 
     /// Distance to the first obstacle along the unit `direction`, if there is one within `distance`.
     pub fn distance_to_obstacle(&self, at: &Receiver, direction: Vec3, distance: f32) -> Option<f32> {
-        let is_stopped = self.rays.occluded(at.origin, direction, distance, at.triangle);
-        is_stopped.then(|| self.rays.nearest_wall(at.origin, direction, at.triangle).map_or(0.0, |hit| hit.t))
+        let is_stopped = self.ray_tracer.occluded(at.origin, direction, distance, at.triangle);
+        is_stopped
+            .then(|| self.ray_tracer.nearest_wall(at.origin, direction, at.triangle).map_or(0.0, |hit| hit.t))
     }
 
     /// Whether nothing stands between two points of a piece of surface. Where it bulges between them, the

@@ -67,9 +67,9 @@ impl Shear {
         Shear { axes, origin: axes.map(|k| f64::from(origin[k])), shear: [x * sz, y * sz, sz] }
     }
 
-    /// The nearest meeting with 0 < t < `t_max`, from either side.
+    /// The intersection with 0 < t < `t_max`, from either side.
     #[inline]
-    pub fn meet(&self, corners: &[Vec3; 3], t_max: f64) -> Option<TriangleHit> {
+    pub fn intersect(&self, corners: &[Vec3; 3], t_max: f64) -> Option<TriangleHit> {
         let [ox, oy, oz] = self.origin;
         let [sx, sy, sz] = self.shear;
         let [kx, ky, kz] = self.axes;
@@ -106,7 +106,7 @@ mod tests {
     #[test]
     fn meets_where_a_plane_is_crossed() {
         let corners = [vec3(0.0, 0.0, 2.0), vec3(4.0, 0.0, 2.0), vec3(0.0, 4.0, 2.0)];
-        let meet = |origin, direction, t_max| Shear::new(origin, direction).meet(&corners, t_max);
+        let meet = |origin, direction, t_max| Shear::new(origin, direction).intersect(&corners, t_max);
         let hit = meet(vec3(1.0, 1.0, 0.0), Vec3::Z, 10.0).unwrap();
         assert_eq!((hit.t, hit.b1, hit.b2), (2.0, 0.25, 0.25));
         assert!(meet(vec3(1.0, 1.0, 0.0), Vec3::Z, 1.9).is_none());
@@ -123,7 +123,7 @@ mod tests {
         for from in [vec3(0.25, 2.5e-7, 0.0), vec3(0.5, 1.0, 0.5), vec3(-1.0, -0.5, 1.0)] {
             let towards = |x: f32, y: f32| {
                 let direction = vec3(x, y, 2.0) - from;
-                Shear::new(from, direction).meet(&corners, f64::INFINITY)
+                Shear::new(from, direction).intersect(&corners, f64::INFINITY)
             };
             let hit = towards(0.25, 2.5e-7).expect("the middle of the sliver");
             assert!((hit.t - 1.0).abs() < 1e-6);
@@ -135,7 +135,7 @@ mod tests {
     fn a_triangle_without_area_is_not_met() {
         let (a, b) = (vec3(0.0, 0.0, 2.0), vec3(1.0, 1.0, 2.0));
         for corners in [[a, a, a], [a, b, a], [a, a.lerp(b, 0.5), b]] {
-            assert!(Shear::new(vec3(0.5, 0.5, 0.0), Vec3::Z).meet(&corners, 10.0).is_none());
+            assert!(Shear::new(vec3(0.5, 0.5, 0.0), Vec3::Z).intersect(&corners, 10.0).is_none());
         }
     }
 }

@@ -4,9 +4,9 @@ use crate::Stage;
 use baker::bake::block::Worker;
 use baker::bake::layers::{Layers, Part, Texel};
 use baker::bake::run::{Options, Prepared, prepare};
-use baker::bake::visibility::{Finder, Page};
-use baker::light::course::{Course, by_the_minute};
+use baker::bake::visibility::{Page, VisibilityBaker};
 use baker::light::schedule::parse_hours;
+use baker::light::visibility_times::{VisibilityTimes, sun_path};
 use baker::surface::FaceBins;
 use baker::trace::path::Transport;
 use dataset::console::Console;
@@ -35,15 +35,16 @@ fn court() -> std::path::PathBuf {
 /// Finds the visibility of the one page of a bake.
 fn find(prepared: &Prepared, layers: &Layers, texels: &[Texel], minutes: f64, force: bool) -> (Page, u64) {
     let scene = &prepared.scene;
-    let course = Course::new(scene.sun.as_ref().unwrap(), scene.place.as_ref(), DAY, minutes);
+    let times = VisibilityTimes::new(scene.sun.as_ref().unwrap(), scene.location.as_ref(), DAY, minutes);
     let (atlas, _) = prepared.atlas().unwrap();
     let lights = prepared.plan.lights(scene, &prepared.geometry, &[]);
-    let (bins, rays) = (FaceBins::new(&atlas), prepared.rays().unwrap());
+    let (bins, rays) = (FaceBins::new(&atlas), prepared.ray_tracer().unwrap());
     let transport = Transport::new(prepared.space(&rays), &lights, None);
-    let worker = Worker { transport, atlas: &atlas, bins: &bins, seed: scene.bake.seed, certain: 16 };
-    let finder = Finder::new(prepared, &worker, layers, texels, &course).unwrap();
+    let worker =
+        Worker { transport, atlas: &atlas, bins: &bins, seed: scene.bake.seed, guaranteed_samples: 16 };
+    let visibility_baker = VisibilityBaker::new(prepared, &worker, layers, texels, &times).unwrap();
     if force {
-        std::fs::read_dir(finder.folder())
+        std::fs::read_dir(visibility_baker.folder())
             .unwrap()
             .for_each(|file| std::fs::remove_file(file.unwrap().path()).unwrap());
     }
@@ -53,7 +54,7 @@ fn find(prepared: &Prepared, layers: &Layers, texels: &[Texel], minutes: f64, fo
         pages.push(page);
         Ok(())
     };
-    let counts = finder.pages(&Console::silent(), each).unwrap();
+    let counts = visibility_baker.pages(&Console::silent(), each).unwrap();
     assert_eq!(pages.len(), 1);
     (pages.remove(0), counts.visibility)
 }
@@ -63,7 +64,7 @@ fn rebuilt(prepared: &Prepared, page: &Page, file: &Path, texels: &[Texel], hour
     std::fs::write(file, &page.visibility).unwrap();
     let opened = Visibility::open(file).unwrap();
     let scene = &prepared.scene;
-    let path = by_the_minute(scene.sun.as_ref().unwrap(), scene.place.as_ref(), DAY);
+    let path = sun_path(scene.sun.as_ref().unwrap(), scene.location.as_ref(), DAY);
     let (between, planes) = (Between::new(&opened.hours, hour), opened.tile(0).unwrap());
     let of_texel = |texel: &Texel| {
         // (The page is less than a tile.)
@@ -78,10 +79,10 @@ fn rebuilt(prepared: &Prepared, page: &Page, file: &Path, texels: &[Texel], hour
 
 /// Root of the mean squared difference of green at exposed texels ÷ the greatest light there, in dB.
 fn psnr(light: &[[f32; 3]], traced: &[f32], texels: &[Texel]) -> f64 {
-    let exposed = || (0..texels.len()).filter(|&i| texels[i].exposed == 1);
-    let peak = exposed().map(|i| f64::from(traced[i])).fold(0.0, f64::max);
-    let sum: f64 = exposed().map(|i| f64::from(light[i][1] - traced[i]).powi(2)).sum();
-    -10.0 * (sum / exposed().count() as f64 / (peak * peak)).log10()
+    let usable = || (0..texels.len()).filter(|&i| texels[i].usable == 1);
+    let peak = usable().map(|i| f64::from(traced[i])).fold(0.0, f64::max);
+    let sum: f64 = usable().map(|i| f64::from(light[i][1] - traced[i]).powi(2)).sum();
+    -10.0 * (sum / usable().count() as f64 / (peak * peak)).log10()
 }
 
 /// Green of what came straight from the sun at a time of a bake.
@@ -98,7 +99,7 @@ fn light_at_any_time_is_rebuilt() {
     let (withheld, other) = baked(&stage, "withheld", "8.37,10.8,13.13,15.45", 512);
     // Of other samples there are other digests, and the same texels.
     let places =
-        |texels: &[Texel]| texels.iter().map(|texel| (texel.index, texel.exposed)).collect::<Vec<_>>();
+        |texels: &[Texel]| texels.iter().map(|texel| (texel.index, texel.usable)).collect::<Vec<_>>();
     assert_eq!(places(&texels), places(&other.texels(&withheld.base()).unwrap()));
     let file = stage.path("page.vis");
     // Reached with this seed: 45.6 and 43.2 dB, 52.9 and 43.8; at the hours the layers' own noise counts.

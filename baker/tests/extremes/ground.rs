@@ -43,7 +43,7 @@ fn open(stage: &Stage, scene: &str, hour: f64) -> DVec3 {
             dvec3(r * phi.cos(), y, r * phi.sin()).as_vec3()
         })
         .collect();
-    let radiances = sky::radiances(sky, scene.place.as_ref(), hour, &directions);
+    let radiances = sky::radiances(sky, scene.location.as_ref(), hour, &directions);
     let sum: DVec3 = radiances.iter().zip(&directions).map(|(l, d)| l.as_dvec3() * f64::from(d.y)).sum();
     sum * TAU / (RINGS * RINGS) as f64
 }
@@ -144,7 +144,7 @@ fn from_day_through_dusk_to_night_it_has_what_the_hour_has() {
     let dark = scene("[sun]\n", "ground = false", "");
     stage.write("dusk.toml", dark.as_bytes());
     let (place, _) = baker::scene::load(&stage.path("dusk.toml")).unwrap();
-    let sun = |hour: f64| sun::at(place.sun.as_ref().unwrap(), place.place.as_ref(), hour);
+    let sun = |hour: f64| sun::at(place.sun.as_ref().unwrap(), place.location.as_ref(), hour);
     // The minute at which the disc is on the horizon: some of its light arrives, and hardly any of that on a
     // level plane.
     let dusk = (1000..1200).map(|minute| f64::from(minute) / 60.0);

@@ -280,10 +280,10 @@ fn a_room_of_sheets_lets_less_than_a_hundred_thousandth_in() {
 fn roulette_at_a_thousandth_ends_one_walk_in_a_thousand() {
     // What a room of albedo 0.999 holds rests on it: numbers of 0.999 and more, over dimensions and
     // sequences; 4 σ.
-    use baker::trace::sampler::{Kind, Sequence};
+    use baker::trace::sampler::{Sequence, SequenceKind};
     let (mut ends, mut all) = (0u32, 0u32);
     for index in 0..64 {
-        let sequence = Sequence::new(1, Kind::Texel, index, 0);
+        let sequence = Sequence::new(1, SequenceKind::Texel, index, 0);
         for i in 0..128 {
             let sample = sequence.sample(i);
             for vertex in 2..502 {

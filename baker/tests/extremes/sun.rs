@@ -76,7 +76,7 @@ fn place(latitude: f64, date: &str) -> String {
 fn sun_at(stage: &Stage, scene: &str, hour: f64) -> Option<sun::SunDisc> {
     stage.write("place.toml", scene.as_bytes());
     let (scene, _) = baker::scene::load(&stage.path("place.toml")).unwrap();
-    sun::at(scene.sun.as_ref().unwrap(), scene.place.as_ref(), hour)
+    sun::at(scene.sun.as_ref().unwrap(), scene.location.as_ref(), hour)
 }
 
 #[test]

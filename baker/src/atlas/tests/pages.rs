@@ -110,7 +110,7 @@ fn pages_that_would_be_empty_are_left_out() {
 #[test]
 fn a_density_gets_the_pages_it_needs() {
     let geometry = boxes(100, 1.0);
-    let meshes = charts::flatten(&geometry, &[], &unwraps::Anew).unwrap().meshes;
+    let meshes = charts::flatten(&geometry, &[], &unwraps::AlwaysUnwrap).unwrap().meshes;
     let grown = |pages, density| density::grow(&meshes, density, pages, 2, 128);
     let one = grown(1, 1.0).unwrap();
     assert_eq!((one.pages, one.width % 4, one.height % 4), (1, 0, 0));

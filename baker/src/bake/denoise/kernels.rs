@@ -1,6 +1,6 @@
 //! The candidate filters: kernels that depend on nothing but where a texel's neighbours lie.
 
-use super::places::{MAX_NEIGHBOURS, Neighbour, REACH};
+use super::neighbours::{MAX_NEIGHBOURS, Neighbour, REACH};
 use std::sync::LazyLock;
 
 /// Standard deviations of the Gaussians, in texels.

@@ -6,19 +6,18 @@
 //! of a mixture leaves the texel's own errors out, so that the error reported for the result stays close to
 //! the true one.
 //!
-//! Neighbours are those in space (`places`): light crosses neither to another surface, nor a wall, nor a
+//! Neighbours are those in space (`neighbours`): light crosses neither to another surface, nor a wall, nor a
 //! gutter of the page, and does cross seams. Work goes block by block, and holds of the layers what the block
 //! and its surroundings need.
 
 mod kernels;
 mod mix;
-mod places;
+mod neighbours;
 #[cfg(test)]
 mod tests;
 
 use super::block::Worker;
 use super::layers::{FilteredLayer, Layers, Part, Texel};
-use super::options::Denoised;
 use super::value::{Filtered, Value};
 use crate::trace::counts::RayCounts;
 use crate::{Result, Rgb};
@@ -26,8 +25,9 @@ use dataset::console::stop_if_interrupted;
 use dataset::observe::Observer;
 use kernels::{ERROR_RADIUS, FILTERS, Kernel};
 use mix::{Around, ErrorMatrix, Halves, apply_mixtures, halves};
-use places::{Nearby, Neighbour, Places, REACH};
+use neighbours::{Nearby, Neighbour, REACH, TexelsInSpace};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::Mutex;
@@ -37,9 +37,22 @@ use std::time::Instant;
 pub const METHOD: &str = "own-1";
 
 /// Layers of a block that are held in memory at once.
-pub const AT_ONCE: usize = 16;
+pub const LAYERS_AT_ONCE: usize = 16;
 /// Layers whose files are open at once.
-pub const OPEN: usize = 200;
+pub const OPEN_FILES: usize = 200;
+
+/// What came of denoising.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Denoised {
+    /// The method.
+    pub method: String,
+    /// Layers from which noise was taken.
+    pub layers: usize,
+    /// Those of them that this run filtered.
+    pub new_layers: usize,
+    /// Seconds that it took this run.
+    pub seconds: f64,
+}
 
 /// Denoises layers, and keeps account of it.
 pub struct Denoiser {
@@ -84,7 +97,7 @@ impl Denoiser {
         let is_missing = |layer: &&FilteredLayer| !layers.has_filtered(layer, texels.len());
         let missing: Vec<FilteredLayer> = filtered.iter().flatten().filter(is_missing).cloned().collect();
         if !missing.is_empty() {
-            self.rays += run(worker, layers, texels, &|place| valid[place], &missing, console)?;
+            self.rays += run(worker, layers, texels, &|position| valid[position], &missing, console)?;
         }
         self.made.extend(missing.into_iter().map(|layer| layer.name));
         self.seconds += start.elapsed().as_secs_f64();
@@ -120,9 +133,9 @@ fn run(
         next += worker.surface(block).covered().count();
         blocks.push((block, from as u32..next as u32));
     }
-    let (places, rays) = Places::find(worker, &blocks, texels, valid);
+    let (texels_in_space, rays) = TexelsInSpace::find(worker, &blocks, texels, valid);
     let unused = Mutex::new(Vec::new());
-    let passes = filtered.chunks(OPEN);
+    let passes = filtered.chunks(OPEN_FILES);
     let progress = console.progress("denoising", (filtered.len() * blocks.len()) as u64);
     for layers_of_pass in passes {
         let sources = layers_of_pass.iter().map(|layer| layers.open(layer)).collect::<Result<Vec<_>>>()?;
@@ -132,17 +145,17 @@ fn run(
         for some in blocks.chunks(rayon::current_num_threads()) {
             let done = some.par_iter().map(|(_, block)| {
                 let used = unused.lock().expect("no thread panics while it takes one").pop();
-                let mut at_hand = used.unwrap_or_else(|| vec![AWAY; texels.len()]);
-                let block = Block::new(&places, block.clone());
+                let mut loaded_index = used.unwrap_or_else(|| vec![NOT_LOADED; texels.len()]);
+                let block = Block::new(&texels_in_space, block.clone());
                 let mut values = Vec::with_capacity(sources.len());
-                for batch in sources.chunks(AT_ONCE) {
+                for batch in sources.chunks(LAYERS_AT_ONCE) {
                     stop_if_interrupted()?;
                     let batch_values: Vec<_> =
                         batch.iter().map(|layer| layer.read_at(&block.all)).collect::<Result<_>>()?;
-                    values.extend(block.filter(&batch_values, &mut at_hand));
+                    values.extend(block.filter(&batch_values, &mut loaded_index));
                     progress.advance(batch.len() as u64);
                 }
-                unused.lock().expect("no thread panics while it gives one back").push(at_hand);
+                unused.lock().expect("no thread panics while it gives one back").push(loaded_index);
                 Ok(values)
             });
             for block in done.collect::<Result<Vec<Vec<Vec<Filtered>>>>>()? {
@@ -157,7 +170,7 @@ fn run(
 }
 
 /// Not at hand.
-const AWAY: u32 = u32::MAX;
+const NOT_LOADED: u32 = u32::MAX;
 
 /// The neighbours of some texels.
 struct Surroundings {
@@ -168,11 +181,11 @@ struct Surroundings {
 }
 
 impl Surroundings {
-    fn new(places: &Places, texels: Vec<u32>) -> Self {
+    fn new(texels_in_space: &TexelsInSpace, texels: Vec<u32>) -> Self {
         let (mut neighbours, mut starts, mut found) = (Vec::new(), vec![0], Vec::new());
         let mut nearby = Nearby::default();
         for &texel in &texels {
-            places.neighbours(texel, &mut nearby, &mut found);
+            texels_in_space.neighbours(texel, &mut nearby, &mut found);
             neighbours.extend_from_slice(&found);
             starts.push(neighbours.len());
         }
@@ -204,44 +217,44 @@ struct Block {
 }
 
 impl Block {
-    fn new(places: &Places, own: Range<u32>) -> Self {
-        let estimated = Surroundings::new(places, own.clone().collect()).all(ERROR_RADIUS);
-        let estimated = Surroundings::new(places, estimated);
+    fn new(texels_in_space: &TexelsInSpace, own: Range<u32>) -> Self {
+        let estimated = Surroundings::new(texels_in_space, own.clone().collect()).all(ERROR_RADIUS);
+        let estimated = Surroundings::new(texels_in_space, estimated);
         let all = estimated.all(REACH).into_iter().map(|texel| texel as usize).collect();
         Block { own, estimated, all }
     }
 
-    /// Filters layers, given their values at `all`: per layer, the block's texels. `at_hand`: per covered
-    /// texel of the page, [`AWAY`].
-    fn filter(&self, values: &[Vec<Value>], at_hand: &mut [u32]) -> Vec<Vec<Filtered>> {
+    /// Filters layers, given their values at `all`: per layer, the block's texels. `loaded_index`: per
+    /// covered texel of the page, [`NOT_LOADED`].
+    fn filter(&self, values: &[Vec<Value>], loaded_index: &mut [u32]) -> Vec<Vec<Filtered>> {
         let light: Vec<Vec<Halves>> =
             values.iter().map(|values| values.iter().map(halves).collect()).collect();
-        self.all.iter().enumerate().for_each(|(i, &texel)| at_hand[texel] = i as u32);
-        let out = AtHand {
+        self.all.iter().enumerate().for_each(|(i, &texel)| loaded_index[texel] = i as u32);
+        let out = LoadedBlock {
             estimated: &self.estimated,
             block: self.own.clone(),
-            places: at_hand,
+            loaded_index,
             values,
             light: &light,
         }
         .filter_block();
-        self.all.iter().for_each(|&texel| at_hand[texel] = AWAY);
+        self.all.iter().for_each(|&texel| loaded_index[texel] = NOT_LOADED);
         out
     }
 }
 
 /// A block and its surroundings.
-struct AtHand<'a> {
+struct LoadedBlock<'a> {
     estimated: &'a Surroundings,
     block: Range<u32>,
-    /// Per covered texel of the page, its place in what follows.
-    places: &'a [u32],
-    /// By layer and place.
+    /// Per covered texel of the page, its index in what follows.
+    loaded_index: &'a [u32],
+    /// By layer and index.
     values: &'a [Vec<Value>],
     light: &'a [Vec<Halves>],
 }
 
-impl AtHand<'_> {
+impl LoadedBlock<'_> {
     /// Per layer, what the filters make of the block's texels.
     fn filter_block(&self) -> Vec<Vec<Filtered>> {
         #[cfg(target_arch = "x86_64")]
@@ -252,7 +265,8 @@ impl AtHand<'_> {
         self.filter_block_portable()
     }
 
-    /// [`AtHand::filter_block_portable`], the same to the bit: wider vectors, and no sums in another order.
+    /// [`LoadedBlock::filter_block_portable`], the same to the bit: wider vectors, and no sums in another
+    /// order.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
     fn filter_block_avx2(&self) -> Vec<Vec<Filtered>> {
@@ -271,13 +285,13 @@ impl AtHand<'_> {
         let mut filtered = vec![Vec::with_capacity(own); layers.len()];
         let (mut kernel, mut at, mut lights) = (Kernel::new(), Vec::new(), Vec::new());
         for (i, &texel) in self.estimated.texels.iter().enumerate() {
-            let own_place = self.find(i, &mut kernel, &mut at);
+            let own_index = self.find(i, &mut kernel, &mut at);
             for (k, &layer) in layers.iter().enumerate() {
                 let result = filter(&kernel, &at, &self.light[layer]);
                 let values = &self.values[layer];
                 lights.clear();
                 lights.extend(kernel.nearest.iter().map(|&i| values[at[i]].mean.element_sum()));
-                errors[k][own_place] = ErrorMatrix::new(&values[own_place], &result, median(&mut lights));
+                errors[k][own_index] = ErrorMatrix::new(&values[own_index], &result, median(&mut lights));
                 if is_own(texel) {
                     filtered[k].push(result);
                 }
@@ -286,18 +300,18 @@ impl AtHand<'_> {
         let mut out = vec![Vec::with_capacity(own); self.values.len()];
         let of_own = (0..self.estimated.texels.len()).filter(|&i| is_own(self.estimated.texels[i]));
         for (number, i) in of_own.enumerate() {
-            let own_place = self.find(i, &mut kernel, &mut at);
+            let own_index = self.find(i, &mut kernel, &mut at);
             // What has no noise, and what has no neighbours, stays as it is.
             let mut next = layers.iter().zip(&errors).zip(&filtered).peekable();
             for (layer, out) in out.iter_mut().enumerate() {
-                let value = &self.values[layer][own_place];
+                let value = &self.values[layer][own_index];
                 let noisy = next.next_if(|((of, _), _)| **of == layer).filter(|_| at.len() > 1);
                 let Some(((_, errors), filtered)) = noisy else {
                     out.push(Filtered::new(value));
                     continue;
                 };
                 let filtered = &filtered[number];
-                let mut around = Around::new(value, filtered, &errors[own_place], &kernel.weights[0]);
+                let mut around = Around::new(value, filtered, &errors[own_index], &kernel.weights[0]);
                 around.add(errors, &at[1..], &kernel.error_weights[1..]);
                 let mixtures = around.mixtures(value, filtered);
                 out.push(Filtered::new(
@@ -308,13 +322,13 @@ impl AtHand<'_> {
         out
     }
 
-    /// Finds the weights and places of the neighbours of one of the estimated texels, and its own place.
+    /// Finds the weights and indices of the neighbours of one of the estimated texels, and its own index.
     fn find(&self, i: usize, kernel: &mut Kernel, at: &mut Vec<usize>) -> usize {
         let neighbours = self.estimated.of(i);
         kernel.find(neighbours);
         at.clear();
-        at.extend(neighbours.iter().map(|neighbour| self.places[neighbour.texel as usize] as usize));
-        self.places[self.estimated.texels[i] as usize] as usize
+        at.extend(neighbours.iter().map(|neighbour| self.loaded_index[neighbour.texel as usize] as usize));
+        self.loaded_index[self.estimated.texels[i] as usize] as usize
     }
 }
 
@@ -330,8 +344,8 @@ fn median(lights: &mut [f32]) -> f32 {
 #[inline(always)]
 fn filter(kernel: &Kernel, at: &[usize], light: &[Halves]) -> [Halves; FILTERS] {
     let mut sums = [[0.0f32; 8]; FILTERS];
-    for (weights, &place) in kernel.weights.iter().zip(at) {
-        let light = &light[place];
+    for (weights, &index) in kernel.weights.iter().zip(at) {
+        let light = &light[index];
         for (sum, weight) in sums.iter_mut().zip(weights) {
             sum.iter_mut().zip(light).for_each(|(sum, light)| *sum += weight * light);
         }

@@ -1,6 +1,6 @@
 //! Filters on floors whose light is known.
 
-use super::places::tests::floor;
+use super::neighbours::tests::floor;
 use super::*;
 
 /// Texels along the floor.
@@ -39,15 +39,15 @@ fn filtered(values: &[Value], walled: bool) -> Vec<Value> {
 }
 
 fn in_blocks(values: &[Value], walled: bool, blocks: &[Range<u32>]) -> Vec<Value> {
-    let places = floor(SIDE as i32, walled);
-    let mut at_hand = vec![AWAY; values.len()];
+    let texels_in_space = floor(SIDE as i32, walled);
+    let mut loaded_index = vec![NOT_LOADED; values.len()];
     let of_block = |range: &Range<u32>| {
-        let block = Block::new(&places, range.clone());
+        let block = Block::new(&texels_in_space, range.clone());
         let values: Vec<Value> = block.all.iter().map(|&i| values[i]).collect();
-        block.filter(&[values], &mut at_hand).remove(0)
+        block.filter(&[values], &mut loaded_index).remove(0)
     };
     let stored: Vec<Filtered> = blocks.iter().flat_map(of_block).collect();
-    assert!(at_hand.iter().all(|&place| place == AWAY));
+    assert!(loaded_index.iter().all(|&place| place == NOT_LOADED));
     stored.iter().zip(values).map(|(stored, traced)| stored.value(traced)).collect()
 }
 
@@ -193,14 +193,20 @@ fn blocks_do_not_matter() {
 #[test]
 fn wider_vectors_give_the_same_bits() {
     let values = traced(|x, z| 1.0 + (x * z) as f32, rare(0.9, 7));
-    let places = floor(SIDE as i32, true);
+    let texels_in_space = floor(SIDE as i32, true);
     let block = 0..(SIDE * SIDE) as u32;
-    let estimated = Surroundings::new(&places, block.clone().collect());
-    let at_hand: Vec<u32> = block.clone().collect();
+    let estimated = Surroundings::new(&texels_in_space, block.clone().collect());
+    let loaded_index: Vec<u32> = block.clone().collect();
     let light = [values.iter().map(halves).collect()];
     let values = [values];
-    let at_hand = AtHand { estimated: &estimated, block, places: &at_hand, values: &values, light: &light };
-    assert_eq!(at_hand.filter_block(), at_hand.filter_block_portable());
+    let loaded = LoadedBlock {
+        estimated: &estimated,
+        block,
+        loaded_index: &loaded_index,
+        values: &values,
+        light: &light,
+    };
+    assert_eq!(loaded.filter_block(), loaded.filter_block_portable());
 }
 
 #[test]

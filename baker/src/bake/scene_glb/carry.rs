@@ -33,7 +33,7 @@ pub struct MaterialKey {
     /// The file, and the material's index there, if it is a glTF's.
     pub original: Option<(usize, usize)>,
     /// The material of the geometry that is written in its place, or as its base.
-    pub look: Option<u32>,
+    pub material_index: Option<u32>,
     /// The material of the geometry whose emission is written in place of the file's.
     pub emission: Option<u32>,
     /// The scene file gives the colour, so those of the vertices are not written.
@@ -53,7 +53,7 @@ pub struct Carried {
     pub lights: Vec<Value>,
     known: BTreeMap<(&'static str, usize, usize), usize>,
     known_materials: BTreeMap<MaterialKey, usize>,
-    known_looks: BTreeMap<Baked, usize>,
+    known_textures: BTreeMap<Baked, usize>,
 }
 
 impl Carried {
@@ -73,11 +73,11 @@ impl Carried {
             None if name.is_empty() => json!({}),
             None => json!({ "name": name }),
         };
-        if let Some(look) = key.look {
-            self.restyle(&mut material, geometry, look, key.original.is_none(), out)?;
+        if let Some(material_index) = key.material_index {
+            self.restyle(&mut material, geometry, material_index, key.original.is_none(), out)?;
         }
-        if let Some(look) = key.emission {
-            self.shine(&mut material, geometry, look, out)?;
+        if let Some(material_index) = key.emission {
+            self.shine(&mut material, geometry, material_index, out)?;
         }
         self.materials.push(material);
         self.known_materials.insert(key, self.materials.len() - 1);
@@ -89,11 +89,11 @@ impl Carried {
         &mut self,
         json: &mut Value,
         geometry: &Geometry,
-        look: u32,
+        material_index: u32,
         is_new: bool,
         out: &mut Glb,
     ) -> Result<()> {
-        let material: &Material = &geometry.materials[look as usize];
+        let material: &Material = &geometry.materials[material_index as usize];
         // The older way to say a colour would go before the newer one.
         let older =
             json.get_mut("extensions").and_then(|extensions| extensions.as_object_mut()?.remove(GLOSSINESS));
@@ -121,22 +121,34 @@ impl Carried {
             json["alphaMode"] = json!("MASK");
             json["alphaCutoff"] = json!(cutoff);
         }
-        self.let_through(json, geometry, look, out)
+        self.let_through(json, geometry, material_index, out)
     }
 
     /// Gives a material the emission that was baked, or none.
-    fn shine(&mut self, json: &mut Value, geometry: &Geometry, look: u32, out: &mut Glb) -> Result<()> {
+    fn shine(
+        &mut self,
+        json: &mut Value,
+        geometry: &Geometry,
+        material_index: u32,
+        out: &mut Glb,
+    ) -> Result<()> {
         emission_glb::clear(json);
-        let Some(emission) = geometry.materials[look as usize].emission else { return Ok(()) };
+        let Some(emission) = geometry.materials[material_index as usize].emission else { return Ok(()) };
         let map = emission.map.map(|map| self.texture_of_geometry(geometry, Baked::Emission(map), out));
         emission_glb::add(json, emission.radiance, geometry.originals.emission_unit, map.transpose()?);
         Ok(())
     }
 
     /// Gives a material the glass that was baked, or none.
-    fn let_through(&mut self, json: &mut Value, geometry: &Geometry, look: u32, out: &mut Glb) -> Result<()> {
+    fn let_through(
+        &mut self,
+        json: &mut Value,
+        geometry: &Geometry,
+        material_index: u32,
+        out: &mut Glb,
+    ) -> Result<()> {
         glass_glb::clear(json);
-        let Some(glass) = geometry.glass_of(look) else { return Ok(()) };
+        let Some(glass) = geometry.glass_of(material_index) else { return Ok(()) };
         let texture = glass.texture.map(|at| self.texture_of_geometry(geometry, Baked::Surface(at), out));
         glass_glb::add(json, glass, texture.transpose()?);
         Ok(())
@@ -144,7 +156,7 @@ impl Carried {
 
     /// A texture as it was baked, as PNG.
     fn texture_of_geometry(&mut self, geometry: &Geometry, index: Baked, out: &mut Glb) -> Result<usize> {
-        if let Some(&known) = self.known_looks.get(&index) {
+        if let Some(&known) = self.known_textures.get(&index) {
             return Ok(known);
         }
         let texture = match index {
@@ -167,7 +179,7 @@ impl Carried {
         self.images.push(json!({ "bufferView": view, "mimeType": "image/png" }));
         self.samplers.push(json!({ "wrapS": wrap(texture.wrap_u), "wrapT": wrap(texture.wrap_v) }));
         self.textures.push(json!({ "source": self.images.len() - 1, "sampler": self.samplers.len() - 1 }));
-        self.known_looks.insert(index, self.textures.len() - 1);
+        self.known_textures.insert(index, self.textures.len() - 1);
         Ok(self.textures.len() - 1)
     }
 

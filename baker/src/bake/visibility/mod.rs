@@ -14,12 +14,12 @@ use super::layers::{Layers, Part, Texel};
 use super::prepare::Prepared;
 use super::sealed;
 use crate::atlas::Atlas;
-use crate::light::course::Course;
+use crate::light::visibility_times::VisibilityTimes;
 use crate::surface::{BLOCK, BlockSurface};
 use crate::trace::counts::RayCounts;
 use crate::trace::path::sun_sample;
-use crate::trace::sampler::{Kind, Sequence};
-use crate::trace::watcher::Watcher;
+use crate::trace::sampler::{Sequence, SequenceKind};
+use crate::trace::visibility_sampler::VisibilitySampler;
 use crate::{Error, Result, Rgb};
 use dataset::console::stop_if_interrupted;
 use dataset::normals::Normals;
@@ -30,20 +30,20 @@ use glam::Vec3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use tile::{Suns, Tile};
+use tile::{SunAtTimes, Tile};
 
 /// Changes whenever the same scene would give other curves.
 const METHOD: &str = "visibility-3";
 
 /// All texels have the same points at the same places of the disc: an edge that passes over them then shows
 /// each the same steps, which takes few bytes. (It is an index that no texel has.)
-const SAME: u32 = u32::MAX;
+const SAME_FOR_ALL_TEXELS: u32 = u32::MAX;
 
 /// Tiles that are found at once, at most: each takes about 100 MB.
-const AT_ONCE: usize = 8;
+const TILES_AT_ONCE: usize = 8;
 
 /// What a tile's file holds beside the payload: bytes of a normal.
-const NORMAL: usize = 6;
+const NORMAL_BYTES: usize = 6;
 
 /// The visibility of one page.
 pub struct Page {
@@ -54,14 +54,14 @@ pub struct Page {
 }
 
 /// Where the sun is seen from, over the time that is baked.
-pub struct Finder<'a> {
+pub struct VisibilityBaker<'a> {
     prepared: &'a Prepared,
     worker: &'a Worker<'a>,
     layers: &'a Layers,
     texels: &'a [Texel],
-    course: &'a Course,
-    suns: Suns,
-    /// Per page and tile of it, the places of its exposed texels among `texels`, ascending.
+    times: &'a VisibilityTimes,
+    suns: SunAtTimes,
+    /// Per page and tile of it, the positions of its usable texels among `texels`, ascending.
     by_tile: Vec<Vec<u32>>,
     /// The level that stands for 1.
     top: u8,
@@ -71,8 +71,8 @@ pub struct Finder<'a> {
     digest: String,
 }
 
-impl<'a> Finder<'a> {
-    /// Prepares to find the visibility of the sun of `prepared` along `course`; `texels` are the covered ones
+impl<'a> VisibilityBaker<'a> {
+    /// Prepares to find the visibility of the sun of `prepared` along `times`; `texels` are the covered ones
     /// of the page.
     ///
     /// # Errors
@@ -85,11 +85,12 @@ impl<'a> Finder<'a> {
         worker: &'a Worker<'a>,
         layers: &'a Layers,
         texels: &'a [Texel],
-        course: &'a Course,
+        times: &'a VisibilityTimes,
     ) -> Result<Self> {
-        assert!(course.hours.len() <= visibility::MOST_TIMES, "{} times", course.hours.len());
-        let times = (course.minutes, &course.hours, &course.levels);
-        let decisive = (METHOD, prepared.base(), &prepared.scene.sun, &prepared.scene.place, times);
+        assert!(times.hours.len() <= visibility::MOST_TIMES, "{} times", times.hours.len());
+        let decisive_times = (times.minutes, &times.hours, &times.levels);
+        let decisive =
+            (METHOD, prepared.base(), &prepared.scene.sun, &prepared.scene.location, decisive_times);
         let of_layers = &prepared.digests[..prepared.plan.suns.len()];
         let digest = blake3::hash(&json::bytes(&(decisive, of_layers), "visibility")?).to_hex().to_string();
         let folder = layers.visibility_folder(&digest);
@@ -97,15 +98,15 @@ impl<'a> Finder<'a> {
         dataset::files::remove_stale_temporaries(&folder)?;
         // (Tiles that a killed run left are used, and may have names that have not reached the disk.)
         dataset::files::sync_folder_of(&folder.join("tiles"));
-        Ok(Finder {
+        Ok(VisibilityBaker {
             prepared,
             worker,
             layers,
             texels,
-            course,
-            suns: Suns::new(course),
+            times,
+            suns: SunAtTimes::new(times),
             by_tile: by_tile(worker.atlas, texels),
-            top: top(course),
+            top: top(times),
             folder,
             digest,
         })
@@ -135,14 +136,14 @@ impl<'a> Finder<'a> {
             let mut payloads = Vec::with_capacity(rects.len());
             let numbered: Vec<(usize, &Rect)> = rects.iter().enumerate().collect();
             // Several at once: what takes one thread in one of them leaves the others to the next.
-            for several in numbered.chunks(rayon::current_num_threads().min(AT_ONCE)) {
+            for several in numbered.chunks(rayon::current_num_threads().min(TILES_AT_ONCE)) {
                 stop_if_interrupted()?;
                 let found = several.par_iter().map(|(number, rect)| {
                     let (done, rays) = self.kept_or_found(page, *number, rect)?;
                     progress.advance(1);
                     Ok((done, rays))
                 });
-                let found: Vec<Result<(Done, RayCounts)>> = found.collect();
+                let found: Vec<Result<(FinishedTile, RayCounts)>> = found.collect();
                 for ((_, rect), found) in several.iter().zip(found) {
                     let (done, rays) = found?;
                     counts += rays;
@@ -156,7 +157,7 @@ impl<'a> Finder<'a> {
             let bytes = visibility::to_bytes(
                 [atlas.width, atlas.page_height],
                 self.top,
-                &self.course.hours,
+                &self.times.hours,
                 &payloads,
             );
             each(page, Page { visibility: bytes, normals: Normals { width, height, normals } })?;
@@ -165,12 +166,14 @@ impl<'a> Finder<'a> {
     }
 
     /// The tile of a page as it was kept; else finds and keeps it.
-    fn kept_or_found(&self, page: usize, number: usize, rect: &Rect) -> Result<(Done, RayCounts)> {
+    fn kept_or_found(&self, page: usize, number: usize, rect: &Rect) -> Result<(FinishedTile, RayCounts)> {
         let atlas = self.worker.atlas;
         let name = format!("{page}-{number}.tile");
         let (path, label) = (self.folder.join(&name), format!("{}/{name}", self.digest));
         let texels = rect.width() * rect.height();
-        if let Some(done) = sealed::read(&path, &label).and_then(|bytes| Done::from_bytes(&bytes, texels)) {
+        if let Some(done) =
+            sealed::read(&path, &label).and_then(|bytes| FinishedTile::from_bytes(&bytes, texels))
+        {
             return Ok((done, RayCounts::default()));
         }
         let tiles = self.by_tile.len() / atlas.pages as usize;
@@ -181,50 +184,59 @@ impl<'a> Finder<'a> {
     }
 
     /// Finds the tile of this number, whose page begins at row `top` of the virtual page.
-    fn tile(&self, number: usize, rect: &Rect, top: usize) -> Result<(Done, RayCounts)> {
+    fn tile(&self, number: usize, rect: &Rect, top: usize) -> Result<(FinishedTile, RayCounts)> {
         let mut counts = RayCounts::default();
-        let Places { texels, by_texel } = self.places(number, rect, top);
+        let TileTexels { texels, by_texel } = self.texels_of_tile(number, rect, top);
         if texels.is_empty() {
             let normals = vec![[0; 3]; by_texel.len()];
-            return Ok((Done { payload: Vec::new(), channels: 0, normals }, counts));
+            return Ok((FinishedTile { payload: Vec::new(), channels: 0, normals }, counts));
         }
         let surfaces = self.surfaces(rect, top);
-        let watcher = |place: &Option<usize>| {
+        let visibility_sampler = |position: &Option<usize>| {
             let mut counts = RayCounts::default();
-            let watcher = place.and_then(|place| self.watcher(&surfaces, &self.texels[place], &mut counts));
-            (watcher, counts)
+            let visibility_sampler = position
+                .and_then(|position| self.visibility_sampler(&surfaces, &self.texels[position], &mut counts));
+            (visibility_sampler, counts)
         };
-        let watchers: Vec<(Option<Watcher>, RayCounts)> =
-            by_texel.par_iter().with_min_len(64).map(watcher).collect();
-        watchers.iter().for_each(|(_, rays)| counts += *rays);
-        let watchers: Vec<Option<Watcher>> = watchers.into_iter().map(|(watcher, _)| watcher).collect();
+        let visibility_samplers: Vec<(Option<VisibilitySampler>, RayCounts)> =
+            by_texel.par_iter().with_min_len(64).map(visibility_sampler).collect();
+        visibility_samplers.iter().for_each(|(_, rays)| counts += *rays);
+        let visibility_samplers: Vec<Option<VisibilitySampler>> =
+            visibility_samplers.into_iter().map(|(visibility_sampler, _)| visibility_sampler).collect();
         let to_number = |x: f32| (x * f32::from(i16::MAX)).round() as i16;
-        let normal =
-            |w: &Option<Watcher>| w.as_ref().map_or(Vec3::ZERO, |w| w.normal).to_array().map(to_number);
-        let normals = watchers.iter().map(normal).collect();
-        if watchers.iter().all(Option::is_none) {
-            return Ok((Done { payload: Vec::new(), channels: 0, normals }, counts));
+        let normal = |w: &Option<VisibilitySampler>| {
+            w.as_ref().map_or(Vec3::ZERO, |w| w.normal).to_array().map(to_number)
+        };
+        let normals = visibility_samplers.iter().map(normal).collect();
+        if visibility_samplers.iter().all(Option::is_none) {
+            return Ok((FinishedTile { payload: Vec::new(), channels: 0, normals }, counts));
         }
         let traced = self.traced(&texels, &by_texel)?;
         let space = &self.worker.transport.space;
-        let tile =
-            Tile { width: rect.width(), watchers, traced, course: self.course, suns: &self.suns, space };
+        let tile = Tile {
+            width: rect.width(),
+            visibility_samplers,
+            traced,
+            times: self.times,
+            suns: &self.suns,
+            space,
+        };
         let (planes, rays) = tile.planes(self.top);
         let (payload, channels) = planes.to_payload();
-        Ok((Done { payload, channels, normals }, counts + rays))
+        Ok((FinishedTile { payload, channels, normals }, counts + rays))
     }
 
     /// Where the texels of a tile stand among all. `number`: of the tile, of all pages one after the other.
-    fn places(&self, number: usize, rect: &Rect, top: usize) -> Places {
+    fn texels_of_tile(&self, number: usize, rect: &Rect, top: usize) -> TileTexels {
         let across = self.worker.atlas.width as usize;
-        let texels: Vec<usize> = self.by_tile[number].iter().map(|place| *place as usize).collect();
+        let texels: Vec<usize> = self.by_tile[number].iter().map(|position| *position as usize).collect();
         let mut by_texel = vec![None; rect.width() * rect.height()];
-        for &place in &texels {
-            let index = self.texels[place].index as usize;
+        for &position in &texels {
+            let index = self.texels[position].index as usize;
             let (x, y) = (index % across, index / across);
-            by_texel[(y - top - rect.y0) * rect.width() + x - rect.x0] = Some(place);
+            by_texel[(y - top - rect.y0) * rect.width() + x - rect.x0] = Some(position);
         }
-        Places { texels, by_texel }
+        TileTexels { texels, by_texel }
     }
 
     /// The blocks that a tile lies in, by their number.
@@ -236,23 +248,28 @@ impl<'a> Finder<'a> {
         blocks.map(|block| (block, self.worker.surface(block))).collect()
     }
 
-    fn watcher(
+    fn visibility_sampler(
         &self,
         surfaces: &BTreeMap<usize, BlockSurface>,
         texel: &Texel,
         counts: &mut RayCounts,
-    ) -> Option<Watcher> {
+    ) -> Option<VisibilitySampler> {
         let across = self.worker.atlas.width as usize;
         let (x, y) = (texel.index as usize % across, texel.index as usize / across);
         let surface = surfaces.get(&self.worker.bins.block_of(x, y))?;
-        let place = (y - surface.y0) * surface.width + x - surface.x0;
-        let sequence = Sequence::new(self.worker.seed, Kind::Texel, SAME, Stream::Visibility as u32);
-        let points = (0..points(self.course)).map(|i| sequence.sample(i));
+        let in_block = (y - surface.y0) * surface.width + x - surface.x0;
+        let sequence = Sequence::new(
+            self.worker.seed,
+            SequenceKind::Texel,
+            SAME_FOR_ALL_TEXELS,
+            Stream::Visibility as u32,
+        );
+        let points = (0..points(self.times)).map(|i| sequence.sample(i));
         let points = points.filter_map(|sample| {
-            let at = self.worker.receiver(surface, place, sample, texel.probes, counts)?;
+            let at = self.worker.receiver(surface, in_block, sample, texel.probes, counts)?;
             Some((at, sun_sample(sample)))
         });
-        Watcher::new(points.collect())
+        VisibilitySampler::new(points.collect())
     }
 
     /// Per time of the course, the light that came straight from its sun where a layer holds it, ÷ the sun's
@@ -271,42 +288,42 @@ impl<'a> Finder<'a> {
                     if irradiance[c] > 0.0 { light[c] / irradiance[c] } else { grey }
                 }))
             };
-            let at = |place: &Option<usize>| {
-                let i = place.and_then(|place| texels.binary_search(&place).ok());
+            let at = |position: &Option<usize>| {
+                let i = position.and_then(|position| texels.binary_search(&position).ok());
                 i.map_or(Rgb::ZERO, |i| share(light[i].mean))
             };
             Ok(Some(by_texel.iter().map(at).collect()))
         };
-        self.course.hours.iter().map(of_time).collect()
+        self.times.hours.iter().map(of_time).collect()
     }
 }
 
-/// Per page and tile of it, the places of its exposed texels among `texels`, ascending.
+/// Per page and tile of it, the positions of its usable texels among `texels`, ascending.
 fn by_tile(atlas: &Atlas, texels: &[Texel]) -> Vec<Vec<u32>> {
     let (width, stride) = (atlas.width as usize, atlas.stride as usize);
     let [columns, rows] = [width, atlas.page_height as usize].map(|side| side.div_ceil(TILE));
     let mut by_tile = vec![Vec::new(); columns * rows * atlas.pages as usize];
-    for (place, texel) in (0..).zip(texels).filter(|(_, texel)| texel.exposed == 1) {
+    for (position, texel) in (0..).zip(texels).filter(|(_, texel)| texel.usable == 1) {
         let (x, y) = (texel.index as usize % width, texel.index as usize / width);
         // (Texels lie on pages, never on the rows between them.)
         let tile = (y / stride * rows + y % stride / TILE) * columns + x / TILE;
-        by_tile[tile].push(place);
+        by_tile[tile].push(position);
     }
     by_tile
 }
 
 /// Points of a texel that look at the sun where they do not all see the same.
-fn points(course: &Course) -> u32 {
-    if course.minutes < 15.0 { 64 } else { 32 }
+fn points(times: &VisibilityTimes) -> u32 {
+    if times.minutes < 15.0 { 64 } else { 32 }
 }
 
 /// The level that stands for 1: between quarters of an hour the line is off by more than eighths are.
-fn top(course: &Course) -> u8 {
-    if course.minutes < 15.0 { 15 } else { 8 }
+fn top(times: &VisibilityTimes) -> u8 {
+    if times.minutes < 15.0 { 15 } else { 8 }
 }
 
 /// The texels of a tile among all.
-struct Places {
+struct TileTexels {
     /// Ascending.
     texels: Vec<usize>,
     /// Row by row.
@@ -314,13 +331,13 @@ struct Places {
 }
 
 /// A finished tile.
-struct Done {
+struct FinishedTile {
     payload: Vec<u8>,
     channels: u32,
     normals: Vec<[i16; 3]>,
 }
 
-impl Done {
+impl FinishedTile {
     fn to_bytes(&self) -> Vec<u8> {
         let normals = self.normals.iter().flatten().flat_map(|n| n.to_le_bytes());
         self.channels.to_le_bytes().into_iter().chain(normals).chain(self.payload.iter().copied()).collect()
@@ -328,10 +345,10 @@ impl Done {
 
     fn from_bytes(bytes: &[u8], texels: usize) -> Option<Self> {
         let (channels, rest) = bytes.split_first_chunk()?;
-        let (normals, payload) = rest.split_at_checked(NORMAL * texels)?;
+        let (normals, payload) = rest.split_at_checked(NORMAL_BYTES * texels)?;
         let component = |bytes: &[u8]| i16::from_le_bytes([bytes[0], bytes[1]]);
         let normal = |bytes: &[u8]| [0, 2, 4].map(|i| component(&bytes[i..i + 2]));
-        let normals = normals.chunks_exact(NORMAL).map(normal).collect();
-        Some(Done { payload: payload.to_vec(), channels: u32::from_le_bytes(*channels), normals })
+        let normals = normals.chunks_exact(NORMAL_BYTES).map(normal).collect();
+        Some(FinishedTile { payload: payload.to_vec(), channels: u32::from_le_bytes(*channels), normals })
     }
 }

@@ -5,24 +5,24 @@
 //! by, changes. Elsewhere it lies on the line between them.
 
 use crate::Rgb;
-use crate::light::course::{Course, mean_direction};
 use crate::light::sun::SunDisc;
+use crate::light::visibility_times::{VisibilityTimes, mean_direction};
 use crate::trace::counts::RayCounts;
 use crate::trace::lights::SunLight;
 use crate::trace::space::Space;
-use crate::trace::watcher::Watcher;
+use crate::trace::visibility_sampler::VisibilitySampler;
 use dataset::visibility::Planes;
 use glam::Vec3;
 use rayon::prelude::*;
 
 /// By level, how far around a texel that changes others are asked, in texels: what is thin moves on over some
 /// in the time between, and shows at none of them at both of its ends.
-const REACH: [usize; 5] = [0, 8, 4, 2, 1];
+const REACH_OF_LEVEL: [usize; 5] = [0, 8, 4, 2, 1];
 /// The change between two times from which on the times between them are asked for.
-const CHANGE: u8 = 26;
+const LEAST_CHANGE: u8 = 26;
 /// What is known of a texel at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Known {
+enum KnownVisibility {
     /// The texel looks away from the sun.
     Nothing,
     /// This, as it was found.
@@ -31,25 +31,25 @@ enum Known {
     Between([u8; 3]),
 }
 
-impl Known {
+impl KnownVisibility {
     fn value(self) -> Option<[u8; 3]> {
         match self {
-            Known::Nothing => None,
-            Known::Found(value) | Known::Between(value) => Some(value),
+            KnownVisibility::Nothing => None,
+            KnownVisibility::Found(value) | KnownVisibility::Between(value) => Some(value),
         }
     }
 }
 
 /// The suns of a course, ready to be looked at.
-pub struct Suns {
+pub struct SunAtTimes {
     suns: Vec<(SunLight, Vec3)>,
 }
 
-impl Suns {
+impl SunAtTimes {
     /// Those of a course.
-    pub fn new(course: &Course) -> Self {
+    pub fn new(times: &VisibilityTimes) -> Self {
         let of_disc = |disc: &SunDisc| (SunLight::new(*disc), mean_direction(disc).as_vec3());
-        Suns { suns: course.suns.iter().map(of_disc).collect() }
+        SunAtTimes { suns: times.suns.iter().map(of_disc).collect() }
     }
 }
 
@@ -58,14 +58,14 @@ pub struct Tile<'a> {
     /// Columns.
     pub width: usize,
     /// Per texel, row by row, its points; `None` where it is no surface.
-    pub watchers: Vec<Option<Watcher>>,
+    pub visibility_samplers: Vec<Option<VisibilitySampler>>,
     /// Per time, where the light that came straight from its sun was traced already: per texel, that light ÷
     /// the sun's irradiance.
     pub traced: Vec<Option<Vec<Rgb>>>,
     /// The times.
-    pub course: &'a Course,
+    pub times: &'a VisibilityTimes,
     /// The sun at each.
-    pub suns: &'a Suns,
+    pub suns: &'a SunAtTimes,
     /// What stands in its way.
     pub space: &'a Space<'a>,
 }
@@ -73,22 +73,22 @@ pub struct Tile<'a> {
 impl Tile<'_> {
     /// The visibility over all texels, in levels up to `top`.
     pub fn planes(&self, top: u8) -> (Planes, RayCounts) {
-        let mut known: Vec<Vec<Known>> = vec![Vec::new(); self.course.hours.len()];
+        let mut known: Vec<Vec<KnownVisibility>> = vec![Vec::new(); self.times.hours.len()];
         let mut counts = RayCounts::default();
-        for level in 0..=self.course.finest() {
-            for (time, before, after) in self.course.of_level(level) {
+        for level in 0..=self.times.finest() {
+            for (time, before, after) in self.times.of_level(level) {
                 let around =
-                    |time: Option<usize>| time.map(|time| (self.course.hours[time], &known[time][..]));
+                    |time: Option<usize>| time.map(|time| (self.times.hours[time], &known[time][..]));
                 let (found, rays) = self.at(time, around(before), around(after));
                 counts += rays;
                 known[time] = found;
             }
         }
-        let (texels, times) = (self.watchers.len(), known.len());
+        let (texels, times) = (self.visibility_samplers.len(), known.len());
         let mut levels = vec![0; 3 * times * texels];
         for texel in 0..texels {
             let values: Vec<Option<[u8; 3]>> = known.iter().map(|known| known[texel].value()).collect();
-            for (time, value) in filled(&values, &self.course.hours).into_iter().enumerate() {
+            for (time, value) in filled(&values, &self.times.hours).into_iter().enumerate() {
                 for (channel, value) in value.into_iter().enumerate() {
                     let level = (u32::from(value) * u32::from(top) + 127) / 255;
                     levels[(channel * times + time) * texels + texel] = level as u8;
@@ -102,41 +102,49 @@ impl Tile<'_> {
     fn at(
         &self,
         time: usize,
-        before: Option<(f64, &[Known])>,
-        after: Option<(f64, &[Known])>,
-    ) -> (Vec<Known>, RayCounts) {
-        let texels = self.watchers.len();
+        before: Option<(f64, &[KnownVisibility])>,
+        after: Option<(f64, &[KnownVisibility])>,
+    ) -> (Vec<KnownVisibility>, RayCounts) {
+        let texels = self.visibility_samplers.len();
         let (sun, mean) = &self.suns.suns[time];
         let around = before.zip(after).map(|((from, before), (to, after))| {
-            let part = ((self.course.hours[time] - from) / (to - from)) as f32;
+            let part = ((self.times.hours[time] - from) / (to - from)) as f32;
             (
                 before,
                 after,
                 part,
-                self.close_to(&changes(before, after), REACH[self.course.levels[time] as usize]),
+                self.close_to(&changes(before, after), REACH_OF_LEVEL[self.times.levels[time] as usize]),
             )
         });
         let of_texel = |texel: usize| {
             let mut counts = RayCounts::default();
-            let Some(watcher) = &self.watchers[texel] else { return (Known::Nothing, counts) };
+            let Some(visibility_sampler) = &self.visibility_samplers[texel] else {
+                return (KnownVisibility::Nothing, counts);
+            };
             if let Some((before, after, part, moves)) = &around
                 && !moves[texel]
                 && let (Some(a), Some(b)) = (before[texel].value(), after[texel].value())
             {
-                return (Known::Between(lerp(a, b, *part)), counts);
+                return (KnownVisibility::Between(lerp(a, b, *part)), counts);
             }
             let found = match &self.traced[time] {
                 Some(traced)
-                    if watcher.is_before(sun) && is_plain(traced[texel] / watcher.normal.dot(*mean)) =>
+                    if visibility_sampler.is_fully_facing(sun)
+                        && is_plain(traced[texel] / visibility_sampler.normal.dot(*mean)) =>
                 {
-                    Some((traced[texel] / watcher.normal.dot(*mean)).round())
+                    Some((traced[texel] / visibility_sampler.normal.dot(*mean)).round())
                 }
-                _ => watcher.look(self.space, sun, *mean, &mut counts),
+                _ => visibility_sampler.visibility(self.space, sun, *mean, &mut counts),
             };
             let to_byte = |value: f32| (value * 255.0).round() as u8;
-            (found.map_or(Known::Nothing, |value| Known::Found(value.to_array().map(to_byte))), counts)
+            (
+                found.map_or(KnownVisibility::Nothing, |value| {
+                    KnownVisibility::Found(value.to_array().map(to_byte))
+                }),
+                counts,
+            )
         };
-        let all: Vec<(Known, RayCounts)> =
+        let all: Vec<(KnownVisibility, RayCounts)> =
             (0..texels).into_par_iter().with_min_len(64).map(of_texel).collect();
         let mut counts = RayCounts::default();
         all.iter().for_each(|(_, rays)| counts += *rays);
@@ -159,9 +167,9 @@ impl Tile<'_> {
 }
 
 /// Per texel, whether it changes between two times.
-fn changes(before: &[Known], after: &[Known]) -> Vec<bool> {
-    let change = |(a, b): (&Known, &Known)| match (a.value(), b.value()) {
-        (Some(a), Some(b)) => (0..3).any(|c| a[c].abs_diff(b[c]) >= CHANGE),
+fn changes(before: &[KnownVisibility], after: &[KnownVisibility]) -> Vec<bool> {
+    let change = |(a, b): (&KnownVisibility, &KnownVisibility)| match (a.value(), b.value()) {
+        (Some(a), Some(b)) => (0..3).any(|c| a[c].abs_diff(b[c]) >= LEAST_CHANGE),
         _ => false,
     };
     before.iter().zip(after).map(change).collect()

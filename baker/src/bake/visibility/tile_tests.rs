@@ -3,8 +3,8 @@ use crate::geometry::{Geometry, Material};
 use crate::scene::{Sun, SunKey, SunTrack};
 use crate::surface::SurfacePoint;
 use crate::trace::path::{point_pair, sun_sample};
-use crate::trace::rays::Rays;
-use crate::trace::sampler::{Kind, Sequence};
+use crate::trace::ray_tracer::RayTracer;
+use crate::trace::sampler::{Sequence, SequenceKind};
 use glam::{DVec3, Vec2};
 
 /// A floor of 16 × 2 squares of 0.1 m from x = 1 on, and a wall of 1 m height that stands across x = 0
@@ -45,9 +45,9 @@ fn rising(disc_angle: f64) -> Sun {
 }
 
 /// The texels of the floor, or of its front row alone.
-fn watchers(space: &Space, texels: usize) -> Vec<Option<Watcher>> {
+fn visibility_samplers(space: &Space, texels: usize) -> Vec<Option<VisibilitySampler>> {
     let of_texel = |texel: usize| {
-        let sequence = Sequence::new(1, Kind::Texel, 7, 14);
+        let sequence = Sequence::new(1, SequenceKind::Texel, 7, 14);
         let at = |i: u32| {
             let sample = sequence.sample(i);
             let place = (Vec2::new((texel % 16) as f32, (texel / 16) as f32) + point_pair(sample))
@@ -58,29 +58,29 @@ fn watchers(space: &Space, texels: usize) -> Vec<Option<Watcher>> {
                 if z > x { (0, Vec3::new(1.0 - z, z - x, x)) } else { (1, Vec3::new(1.0 - x, z, x - z)) };
             Some((space.receiver(&SurfacePoint { triangle, barycentric })?, sun_sample(sample)))
         };
-        Watcher::new((0..32).filter_map(at).collect())
+        VisibilitySampler::new((0..32).filter_map(at).collect())
     };
     (0..texels).map(of_texel).collect()
 }
 
-fn planes(course: &Course, texels: usize) -> (Planes, RayCounts) {
+fn planes(times: &VisibilityTimes, texels: usize) -> (Planes, RayCounts) {
     let geometry = scene();
-    let rays = Rays::new(&geometry);
+    let rays = RayTracer::new(&geometry);
     let space = Space::new(&geometry, &rays);
-    let suns = Suns::new(course);
-    let traced = vec![None; course.hours.len()];
-    let watchers = watchers(&space, texels);
-    Tile { width: 16, watchers, traced, course, suns: &suns, space: &space }.planes(255)
+    let suns = SunAtTimes::new(times);
+    let traced = vec![None; times.hours.len()];
+    let visibility_samplers = visibility_samplers(&space, texels);
+    Tile { width: 16, visibility_samplers, traced, times, suns: &suns, space: &space }.planes(255)
 }
 
 #[test]
 fn a_shadow_passes_each_texel_when_it_should() {
     for minutes in [15.0, 2.5] {
-        let course = Course::new(&rising(0.0), None, [6.0, 12.0], minutes);
-        let (planes, counts) = planes(&course, 32);
+        let times = VisibilityTimes::new(&rising(0.0), None, [6.0, 12.0], minutes);
+        let (planes, counts) = planes(&times, 32);
         for texel in 0..32 {
             let near = 1.0 + 0.1 * (texel % 16) as f64;
-            for (time, hour) in course.hours.iter().enumerate() {
+            for (time, hour) in times.hours.iter().enumerate() {
                 // The wall's shadow ends where the sun stands over it: at x = 1 ÷ tan(elevation).
                 let elevation = ((hour - 6.0) * 15.0).to_radians();
                 let lit = ((near + 0.1 - 1.0 / elevation.tan()) / 0.1).clamp(0.0, 1.0);
@@ -103,22 +103,22 @@ fn few_rays_are_traced_where_nothing_changes() {
         irradiance: DVec3::ONE,
     };
     let still = Sun { disc_angle: 0.5, track: SunTrack::Authored(vec![key(8.0, 0.5), key(16.0, 0.6)]) };
-    let course = Course::new(&still, None, [8.0, 16.0], 2.5);
-    let (planes, counts) = planes(&course, 32);
+    let times = VisibilityTimes::new(&still, None, [8.0, 16.0], 2.5);
+    let (planes, counts) = planes(&times, 32);
     assert!(planes.levels.iter().all(|level| *level == 255));
     // Each quarter of eight hours, and the last; eight points each; no time between.
-    assert_eq!((course.hours.len(), counts.visibility), (8 * 24 + 1, 32 * (8 * 4 + 1) * 8));
+    assert_eq!((times.hours.len(), counts.visibility), (8 * 24 + 1, 32 * (8 * 4 + 1) * 8));
 }
 
 #[test]
 fn a_wide_disc_is_seen_in_part() {
     // Of a disc of 40° that rises over the wall's edge as a texel far behind it sees it, half is seen when
     // its centre stands there.
-    let course = Course::new(&rising(40.0), None, [6.0, 12.0], 15.0);
-    let (planes, _) = planes(&course, 16);
+    let times = VisibilityTimes::new(&rising(40.0), None, [6.0, 12.0], 15.0);
+    let (planes, _) = planes(&times, 16);
     let edge = (1.0f64 / 2.05).atan().to_degrees();
     let hour = 6.0 + edge / 15.0;
-    let near = dataset::visibility::Between::new(&course.hours, hour);
+    let near = dataset::visibility::Between::new(&times.hours, hour);
     let level = |time: usize| f32::from(planes.level(10, time)[0]) / 255.0;
     let found = near.lerp(level(near.before), level(near.after));
     // By the cosine: the middle of the upper half stands 4 ÷ 3π of the disc's radius above the centre.

@@ -73,7 +73,7 @@ pub(super) fn check(root: &Value, file: &str) -> Result<()> {
     Ok(())
 }
 
-/// Adds what shines and looks at a node. `parents` are the names of the nodes above, nearest first.
+/// Adds the lamps and cameras of a node. `parents` are the names of the nodes above, nearest first.
 pub(super) fn read(
     node: &gltf::Node,
     parents: &[String],

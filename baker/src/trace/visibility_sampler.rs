@@ -8,16 +8,16 @@ use crate::Rgb;
 use glam::Vec3;
 
 /// Points that look first; where all see the same, no more do.
-const FIRST: usize = 8;
+const FIRST_POINTS: usize = 8;
 
 /// Difference between what points see up to which they see the same.
-const SAME: f32 = 1.0 / 32.0;
+const MOST_DIFFERENCE: f32 = 1.0 / 32.0;
 
 /// The angle between normals of a flat texel at most, in radians.
-const FLAT: f32 = 2e-3;
+const FLAT_ANGLE: f32 = 2e-3;
 
 /// A texel's points.
-pub struct Watcher {
+pub struct VisibilitySampler {
     points: Vec<(Receiver, SunSample)>,
     /// The mean of the points' shading normals; not a unit vector where they differ.
     pub normal: Vec3,
@@ -26,14 +26,14 @@ pub struct Watcher {
     spread: f32,
 }
 
-impl Watcher {
+impl VisibilitySampler {
     /// From points of a texel's surface and their places on the disc; `None` without any.
     pub fn new(points: Vec<(Receiver, SunSample)>) -> Option<Self> {
         let normal = points.iter().map(|(at, _)| at.normal).sum::<Vec3>() / points.len() as f32;
         let axis = normal.try_normalize().unwrap_or(Vec3::Y);
         let angle = |(at, _): &(Receiver, SunSample)| axis.dot(at.normal).clamp(-1.0, 1.0).acos();
         let spread = points.iter().map(angle).reduce(f32::max)?;
-        Some(Watcher { points, normal, axis, spread })
+        Some(VisibilitySampler { points, normal, axis, spread })
     }
 
     /// The sine of the elevation of a sun's centre above the plane across the axis from which on all of it
@@ -46,8 +46,8 @@ impl Watcher {
 
     /// Whether the texel is flat and all of a sun stands before it: then light that came straight from the
     /// sun is the part that was not blocked, times a number that all of its points share.
-    pub fn is_before(&self, sun: &SunLight) -> bool {
-        self.spread < FLAT && self.axis.dot(sun.disc().direction) > self.margin(sun)
+    pub fn is_fully_facing(&self, sun: &SunLight) -> bool {
+        self.spread < FLAT_ANGLE && self.axis.dot(sun.disc().direction) > self.margin(sun)
     }
 
     /// The part of a sun's light that reaches the texel, from 0 to 1 per channel: times `normal` · `mean`
@@ -56,7 +56,13 @@ impl Watcher {
     ///
     /// It is the share of light that is not blocked, but where the texel looks away in part: there normal ·
     /// mean is less than what would arrive unblocked, and the part is so much greater, up to 1.
-    pub fn look(&self, space: &Space, sun: &SunLight, mean: Vec3, counts: &mut RayCounts) -> Option<Rgb> {
+    pub fn visibility(
+        &self,
+        space: &Space,
+        sun: &SunLight,
+        mean: Vec3,
+        counts: &mut RayCounts,
+    ) -> Option<Rgb> {
         let elevation = self.axis.dot(sun.disc().direction);
         let product = self.normal.dot(mean);
         if product <= 0.0 || elevation < -self.margin(sun) {
@@ -64,11 +70,11 @@ impl Watcher {
         }
         let (mut sum, mut cosines) = (Rgb::ZERO, 0.0);
         let (mut least, mut most) = (Rgb::ONE, Rgb::ZERO);
-        for (i, (at, draw)) in self.points.iter().enumerate() {
-            if i >= FIRST && cosines > 0.0 && (most - least).max_element() <= SAME {
+        for (i, (at, sun_sample)) in self.points.iter().enumerate() {
+            if i >= FIRST_POINTS && cosines > 0.0 && (most - least).max_element() <= MOST_DIFFERENCE {
                 break;
             }
-            let direction = sun.sample(draw);
+            let direction = sun.sample(sun_sample);
             let cosine = direction.dot(at.normal);
             if cosine <= 0.0 {
                 continue;
@@ -77,7 +83,7 @@ impl Watcher {
                 Rgb::ZERO
             } else {
                 counts.visibility += 1;
-                space.rays.through(at.origin, direction, f32::INFINITY, at.triangle)
+                space.ray_tracer.transmittance(at.origin, direction, f32::INFINITY, at.triangle)
             };
             sum += seen * cosine;
             cosines += cosine;
@@ -90,7 +96,8 @@ impl Watcher {
         if elevation > self.margin(sun) || share == Rgb::ZERO {
             return Some(share);
         }
-        let cosine = |(at, draw): &(Receiver, SunSample)| sun.sample(draw).dot(at.normal).max(0.0);
+        let cosine =
+            |(at, sun_sample): &(Receiver, SunSample)| sun.sample(sun_sample).dot(at.normal).max(0.0);
         let unblocked = self.points.iter().map(cosine).sum::<f32>() / self.points.len() as f32;
         Some((share * (unblocked / product).max(1.0)).min(Rgb::ONE))
     }

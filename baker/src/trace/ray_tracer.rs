@@ -1,23 +1,23 @@
 //! Rays against the scene's triangles: nearest hit and occlusion, with cut-outs really open.
 //!
-//! Glass is asked about by what a ray is for: [`Rays::nearest`] meets it as any surface and [`Rays::beyond`]
-//! goes on behind it, [`Rays::through`] tells how much light passes, and to [`Rays::nearest_wall`] and
-//! [`Rays::occluded`] it is as if it were not there. In a scene without glass all of these are the plain
-//! queries.
+//! Glass is asked about by what a ray is for: [`RayTracer::nearest`] meets it as any surface and
+//! [`RayTracer::nearest_behind`] goes on behind it, [`RayTracer::transmittance`] tells how much light passes,
+//! and to [`RayTracer::nearest_wall`] and [`RayTracer::occluded`] it is as if it were not there. In a scene
+//! without glass all of these are the plain queries.
 
 use super::backend::Backend;
 use super::bvh8::{Bvh8, Line};
 #[cfg(feature = "embree")]
 use super::embree;
 use super::triangle::{Hit, TriangleHit};
-use crate::geometry::{DARK, Geometry};
+use crate::geometry::{BLOCKED_BELOW, Geometry};
 use crate::{Result, Rgb};
 use glam::Vec3;
 use std::cell::Cell;
 use std::sync::Arc;
 
 /// The ray tracer: a hierarchy over all triangles, and what decides whether a hit counts.
-pub struct Rays<'a> {
+pub struct RayTracer<'a> {
     geometry: &'a Geometry,
     hierarchy: Hierarchy<'a>,
 }
@@ -28,7 +28,7 @@ enum Hierarchy<'a> {
     Embree(embree::Scene<'a>),
 }
 
-impl<'a> Rays<'a> {
+impl<'a> RayTracer<'a> {
     /// Builds our own hierarchy ([`Backend::Obvhs`]). Triangles without area neither hit nor harm.
     pub fn new(geometry: &'a Geometry) -> Self {
         Self::with_hierarchy(geometry, Bvh8::new(geometry))
@@ -43,7 +43,7 @@ impl<'a> Rays<'a> {
             Backend::Obvhs => Ok(Self::new(geometry)),
             #[cfg(feature = "embree")]
             Backend::Embree => {
-                Ok(Rays { geometry, hierarchy: Hierarchy::Embree(embree::Scene::new(geometry)?) })
+                Ok(RayTracer { geometry, hierarchy: Hierarchy::Embree(embree::Scene::new(geometry)?) })
             }
             #[cfg(not(feature = "embree"))]
             Backend::Embree => backend.expect_built().map(|()| Self::new(geometry)),
@@ -52,7 +52,7 @@ impl<'a> Rays<'a> {
 
     /// Rays through a hierarchy already built over `geometry`.
     pub fn with_hierarchy(geometry: &'a Geometry, hierarchy: impl Into<Arc<Bvh8>>) -> Self {
-        Rays { geometry, hierarchy: Hierarchy::Own(hierarchy.into(), std::marker::PhantomData) }
+        RayTracer { geometry, hierarchy: Hierarchy::Own(hierarchy.into(), std::marker::PhantomData) }
     }
 
     /// The nearest hit along the unit `direction`, glass included; `from` is the triangle the ray starts on,
@@ -62,10 +62,16 @@ impl<'a> Rays<'a> {
         self.nearest_unless(origin, direction, from, &|_| false)
     }
 
-    /// The nearest hit behind those that were passed, all of which are glass: [`Rays::nearest`] where none
-    /// was.
+    /// The nearest hit behind those that were passed, all of which are glass: [`RayTracer::nearest`] where
+    /// none was.
     #[inline]
-    pub fn beyond(&self, origin: Vec3, direction: Vec3, from: u32, passed: &Passed) -> Option<Hit> {
+    pub fn nearest_behind(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        from: u32,
+        passed: &PassedGlass,
+    ) -> Option<Hit> {
         self.nearest_unless(origin, direction, from, &|hit| passed.holds(hit))
     }
 
@@ -92,16 +98,16 @@ impl<'a> Rays<'a> {
     /// arrives at `origin`: 1 where nothing stands between, the product over all glass that does, 0 behind
     /// anything else.
     #[inline]
-    pub fn through(&self, origin: Vec3, direction: Vec3, t_max: f32, from: u32) -> Rgb {
+    pub fn transmittance(&self, origin: Vec3, direction: Vec3, t_max: f32, from: u32) -> Rgb {
         if !self.geometry.has_glass() {
             let is_blocked = self.occluded_unless(origin, direction, t_max, from, &|_| false);
             return if is_blocked { Rgb::ZERO } else { Rgb::ONE };
         }
-        self.through_glass(origin, direction, t_max, from)
+        self.transmittance_of_glass(origin, direction, t_max, from)
     }
 
     #[cold]
-    fn through_glass(&self, origin: Vec3, direction: Vec3, t_max: f32, from: u32) -> Rgb {
+    fn transmittance_of_glass(&self, origin: Vec3, direction: Vec3, t_max: f32, from: u32) -> Rgb {
         let left = Cell::new(Rgb::ONE);
         // All that the ray meets is asked about in turn, in an order that is a function of the ray and the
         // hierarchy.
@@ -109,7 +115,7 @@ impl<'a> Rays<'a> {
             let triangle = hit.triangle as usize;
             self.geometry.is_glass(triangle) && {
                 left.set(left.get() * self.geometry.transmittance_at(triangle, hit.barycentric));
-                left.get().max_element() >= DARK
+                left.get().max_element() >= BLOCKED_BELOW
             }
         };
         if self.occluded_unless(origin, direction, t_max, from, &passes) { Rgb::ZERO } else { left.get() }
@@ -132,8 +138,8 @@ impl<'a> Rays<'a> {
             Hierarchy::Own(bvh, _) => {
                 let line = Line::new(origin, direction)?;
                 let is_open = |t: u32, m: &TriangleHit| self.is_open(&hit_of(t, m), passes);
-                let (triangle, meeting) = bvh.nearest(&line, from, &is_open)?;
-                Some(hit_of(triangle, &meeting))
+                let (triangle, triangle_hit) = bvh.nearest(&line, from, &is_open)?;
+                Some(hit_of(triangle, &triangle_hit))
             }
             #[cfg(feature = "embree")]
             Hierarchy::Embree(scene) => scene.nearest(origin, direction, from, passes),
@@ -160,26 +166,27 @@ impl<'a> Rays<'a> {
     }
 
     /// Whether this triangle alone stands between `origin` and the point at distance `t_max`: then
-    /// [`Rays::occluded`] is true. Neither a cut-out nor glass ever does here.
-    pub fn stands_in(&self, origin: Vec3, direction: Vec3, t_max: f32, triangle: u32) -> bool {
+    /// [`RayTracer::occluded`] is true. Neither a cut-out nor glass ever does here.
+    pub fn is_blocked_by(&self, origin: Vec3, direction: Vec3, t_max: f32, triangle: u32) -> bool {
         let material = &self.geometry.materials[self.geometry.material_of[triangle as usize] as usize];
         let corners = self.geometry.corners(triangle as usize);
         material.alpha_cutoff.is_none()
             && !self.geometry.is_glass(triangle as usize)
             && Line::new(origin, direction)
-                .is_some_and(|line| line.exact.meet(&corners, f64::from(t_max)).is_some())
+                .is_some_and(|line| line.exact.intersect(&corners, f64::from(t_max)).is_some())
     }
 
     /// How far along a ray light from a point of a triangle, about `distance` away, must pass unhindered: to
     /// just before the triangle, so that it does not stand in its own light and nothing that stands close in
     /// front of it is missed.
     #[inline]
-    pub fn short_of(&self, origin: Vec3, direction: Vec3, distance: f32, triangle: u32) -> f32 {
+    pub fn distance_before(&self, origin: Vec3, direction: Vec3, distance: f32, triangle: u32) -> f32 {
         /// What rounding may move a neighbour of the same plane, as a part of the distance.
         const ROUNDING: f32 = 4e-6;
         let corners = self.geometry.corners(triangle as usize);
-        let meeting = Line::new(origin, direction).and_then(|line| line.exact.meet(&corners, f64::INFINITY));
-        meeting.map_or(distance, |meeting| meeting.t as f32) * (1.0 - ROUNDING)
+        let triangle_hit =
+            Line::new(origin, direction).and_then(|line| line.exact.intersect(&corners, f64::INFINITY));
+        triangle_hit.map_or(distance, |triangle_hit| triangle_hit.t as f32) * (1.0 - ROUNDING)
     }
 
     /// Whether `stands` holds for a triangle (its index and corners) whose box meets the one from `low` to
@@ -201,20 +208,20 @@ impl<'a> Rays<'a> {
 }
 
 #[inline]
-fn hit_of(triangle: u32, meeting: &TriangleHit) -> Hit {
-    Hit { triangle, barycentric: meeting.barycentric(), t: meeting.t as f32 }
+fn hit_of(triangle: u32, triangle_hit: &TriangleHit) -> Hit {
+    Hit { triangle, barycentric: triangle_hit.barycentric(), t: triangle_hit.t as f32 }
 }
 
 /// The glass a ray has passed: what is nearer than the last, and what lies where that does.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Passed {
+pub struct PassedGlass {
     t: f32,
     /// Those exactly at `t`: panes that coincide, and both triangles at an edge.
-    triangles: [u32; Passed::MOST],
+    triangles: [u32; PassedGlass::MOST],
     count: usize,
 }
 
-impl Passed {
+impl PassedGlass {
     /// Surfaces that coincide, of which a path meets each; were there more, the rest would count as passed.
     const MOST: usize = 8;
 
@@ -250,5 +257,5 @@ pub fn offset_point(corners: &[Vec3; 3], barycentric: Vec3, normal: Vec3) -> Vec
 }
 
 #[cfg(test)]
-#[path = "rays_tests.rs"]
+#[path = "ray_tracer_tests.rs"]
 mod tests;

@@ -6,24 +6,24 @@ use dataset::config::Page;
 use glam::Vec2;
 
 /// Per triangle, its page and its corners there in texels; `None` where it has no texels.
-pub struct Places(Vec<Option<(u32, [Vec2; 3])>>);
+pub struct TriangleLayout(Vec<Option<(u32, [Vec2; 3])>>);
 
-impl Places {
+impl TriangleLayout {
     /// As an atlas has laid them out.
     pub fn of_atlas(geometry: &Geometry, atlas: &Atlas) -> Self {
-        let mut places = vec![None; geometry.triangles.len()];
+        let mut layout = vec![None; geometry.triangles.len()];
         for face in &atlas.faces {
             let page = atlas.page_of(face);
             let top = Vec2::new(0.0, atlas.page_rows(page).start as f32);
-            places[face.triangle as usize] = Some((page, face.corners.map(|corner| corner - top)));
+            layout[face.triangle as usize] = Some((page, face.corners.map(|corner| corner - top)));
         }
-        Places(places)
+        TriangleLayout(layout)
     }
 
     /// As a geometry file tells them, for pages of these sizes. What the file leaves out has (0, 0) at all
     /// corners.
     pub fn of_file(geometry: &Geometry, pages: &[Page]) -> Self {
-        let mut places = vec![None; geometry.triangles.len()];
+        let mut layout = vec![None; geometry.triangles.len()];
         for instance in &geometry.instances {
             let LightmapPlace::At { page, scale, offset } = instance.lightmap_place else { continue };
             let Some(size) = pages.get(page as usize) else { continue };
@@ -32,11 +32,11 @@ impl Places {
                 let uvs = geometry.triangles[triangle].map(|v| geometry.lightmap_uvs[v as usize]);
                 if uvs != [Vec2::ZERO; 3] {
                     let corners = uvs.map(|uv| (Vec2::from(scale) * uv + Vec2::from(offset)) * size);
-                    places[triangle] = Some((page, corners));
+                    layout[triangle] = Some((page, corners));
                 }
             }
         }
-        Places(places)
+        TriangleLayout(layout)
     }
 
     /// The page of a triangle and its corners there.

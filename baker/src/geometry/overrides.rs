@@ -4,7 +4,7 @@ use super::glass::most_kept;
 use super::model::FileMaterial;
 use super::texture::TextureStore;
 use super::{Emission, Glass, Material};
-use crate::scene::{Look, Object, Part};
+use crate::scene::{Object, Part, SurfaceOverrides};
 use dataset::Error;
 use glam::{DVec3, Vec3};
 use std::collections::BTreeMap;
@@ -31,32 +31,32 @@ pub(super) fn fits(pattern: &str, name: &str) -> bool {
     pattern[p..].iter().all(|&c| c == '*')
 }
 
-/// What holds for a mesh with these names: the object's look, then its parts in order. Sets `met` of the
+/// What holds for a mesh with these names: the object's look, then its parts in order. Sets `matched` of the
 /// parts that fit.
-pub(super) fn resolve(object: &Object, names: &[&str], met: &mut [bool]) -> Look {
-    let mut look = object.look.clone();
-    for (part, met) in object.parts.iter().zip(met) {
+pub(super) fn resolve(object: &Object, names: &[&str], matched: &mut [bool]) -> SurfaceOverrides {
+    let mut overrides = object.overrides.clone();
+    for (part, matched) in object.parts.iter().zip(matched) {
         if names.iter().any(|name| fits(&part.pattern, name)) {
-            *met = true;
-            let over = part.look.clone();
-            look = Look {
-                albedo: over.albedo.or(look.albedo),
-                lightmap: over.lightmap.or(look.lightmap),
-                transmission: over.transmission.or(look.transmission),
-                density: over.density.or(look.density),
-                two_sided: over.two_sided.or(look.two_sided),
+            *matched = true;
+            let over = part.overrides.clone();
+            overrides = SurfaceOverrides {
+                albedo: over.albedo.or(overrides.albedo),
+                lightmap: over.lightmap.or(overrides.lightmap),
+                transmission: over.transmission.or(overrides.transmission),
+                density: over.density.or(overrides.density),
+                two_sided: over.two_sided.or(overrides.two_sided),
                 // The two come together.
-                emission: over.emission.or(look.emission),
-                group: over.group.or(look.group),
+                emission: over.emission.or(overrides.emission),
+                group: over.group.or(overrides.group),
             };
         }
     }
-    look
+    overrides
 }
 
 /// An error about a part that fits no mesh; `names` are those it could have fitted, `lamps` the names of the
 /// file's lamps.
-pub(super) fn unmet<'a>(
+pub(super) fn unmatched<'a>(
     object: &Object,
     part: &Part,
     names: &[&str],
@@ -81,7 +81,7 @@ pub(super) fn unmet<'a>(
         part.pattern,
         object.file.display()
     );
-    Error::invalid(&part.place, what)
+    Error::invalid(&part.source_line, what)
 }
 
 /// Materials of the scene; equal ones are held once.
@@ -114,7 +114,7 @@ impl MaterialStore {
         &mut self,
         file: &FileMaterial,
         tint: Option<Vec3>,
-        look: &Look,
+        overrides: &SurfaceOverrides,
         emission: Option<Emission>,
         albedo_max: f32,
         textures: &mut TextureStore,
@@ -125,15 +125,15 @@ impl MaterialStore {
             alpha: file.alpha,
             texture: file.texture,
             alpha_cutoff: file.alpha_cutoff,
-            two_sided: look.two_sided.unwrap_or(file.two_sided),
+            two_sided: overrides.two_sided.unwrap_or(file.two_sided),
             emission,
         };
-        let mut glass = match look.transmission {
+        let mut glass = match overrides.transmission {
             None => file.glass,
             Some(transmission) if transmission == DVec3::ZERO => None,
             Some(transmission) => Some(Glass::clear(transmission.as_vec3())),
         };
-        if let Some(albedo) = look.albedo {
+        if let Some(albedo) = overrides.albedo {
             material.albedo = albedo.as_vec3();
             // Colour goes, the cut-out stays, and so does what alpha lets through.
             let has_alpha = file.alpha_cutoff.is_some() || glass.is_some_and(|glass| glass.is_blended);
@@ -145,7 +145,7 @@ impl MaterialStore {
         let textured = file.texture.map_or(Vec3::ONE, |t| textures.brightest(t));
         let kept = glass.map_or(1.0, |glass| most_kept(&glass, file.alpha));
         let brightest = file.albedo * textured * tint.unwrap_or(Vec3::ONE) * kept;
-        let limited = look.albedo.is_none() && brightest.max_element() > albedo_max;
+        let limited = overrides.albedo.is_none() && brightest.max_element() > albedo_max;
         match limited {
             true if file.texture.is_some() || tint.is_some() => material.albedo_max = albedo_max,
             true => material.albedo = file.albedo.min(Vec3::splat(albedo_max)),

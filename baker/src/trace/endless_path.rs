@@ -2,8 +2,8 @@
 
 use super::counts::RayCounts;
 use super::path::{Transport, cosine_direction};
-use super::rays::Passed;
-use super::sampler::{Kind, Sequence};
+use super::ray_tracer::PassedGlass;
+use super::sampler::{Sequence, SequenceKind};
 use super::space::Receiver;
 use super::triangle::Hit;
 use crate::Rgb;
@@ -11,15 +11,15 @@ use crate::surface::SurfacePoint;
 use glam::{Vec2, Vec3};
 
 /// Bounces after which a path that kept half of its light is without end.
-const BOUNCES: u32 = 1500;
+const ENDLESS_BOUNCES: u32 = 1500;
 /// So many of a path's first vertices are asked whether they are lit.
-const ASKED: u32 = 64;
+const VERTICES_TESTED_FOR_LIGHT: u32 = 64;
 /// So many of a path's last vertices tell where it is caught.
-const LAST: u32 = 64;
+const LAST_VERTICES: u32 = 64;
 
 /// A path that kept half of its light for 1500 bounces.
 #[derive(Clone, Debug)]
-pub struct Endless {
+pub struct EndlessPath {
     /// The triangles that it met last.
     pub triangles: Vec<u32>,
     /// Whether any light reached its first vertices.
@@ -35,16 +35,16 @@ impl Transport<'_> {
         is_back: bool,
         sequence: Sequence,
         in_the_dark: bool,
-    ) -> Option<Endless> {
+    ) -> Option<EndlessPath> {
         if self.bounces.is_some() {
             return None;
         }
         let middle = SurfacePoint { triangle, barycentric: Vec3::splat(1.0 / 3.0) };
         let mut at = self.space.receiver_on(&middle, is_back)?;
         let (mut weight, mut is_lit, mut triangles) = (Rgb::ONE, false, Vec::new());
-        for bounce in 0..BOUNCES {
-            is_lit |= bounce < ASKED && !is_lit && self.is_lit(&at, sequence, bounce);
-            if bounce == ASKED && !is_lit && !in_the_dark {
+        for bounce in 0..ENDLESS_BOUNCES {
+            is_lit |= bounce < VERTICES_TESTED_FOR_LIGHT && !is_lit && self.is_lit(&at, sequence, bounce);
+            if bounce == VERTICES_TESTED_FOR_LIGHT && !is_lit && !in_the_dark {
                 return None;
             }
             let (next, hit) = self.step(&at, sequence.sample(bounce).pair(0), &mut weight)?;
@@ -53,20 +53,20 @@ impl Transport<'_> {
             if weight.max_element() < 0.5 {
                 return None;
             }
-            if bounce + LAST >= BOUNCES {
+            if bounce + LAST_VERTICES >= ENDLESS_BOUNCES {
                 triangles.push(hit.triangle);
             }
             at = next;
         }
-        Some(Endless { triangles, is_lit })
+        Some(EndlessPath { triangles, is_lit })
     }
 
     /// Whether light is found about a point of a path that did not end: at its next vertices, or where it
     /// leaves the scene.
     pub(super) fn is_lit_about(&self, start: &Receiver) -> bool {
-        let sequence = Sequence::new(0, Kind::PlanRay, start.triangle, 0);
+        let sequence = Sequence::new(0, SequenceKind::PlanRay, start.triangle, 0);
         let mut at = *start;
-        for bounce in 0..ASKED {
+        for bounce in 0..VERTICES_TESTED_FOR_LIGHT {
             if self.is_lit(&at, sequence, bounce) {
                 return true;
             }
@@ -97,9 +97,9 @@ impl Transport<'_> {
             return None;
         }
         // What glass reflects counts as if it went on.
-        let mut passed = Passed::default();
+        let mut passed = PassedGlass::default();
         let hit = loop {
-            let hit = space.rays.beyond(at.origin, direction, at.triangle, &passed)?;
+            let hit = space.ray_tracer.nearest_behind(at.origin, direction, at.triangle, &passed)?;
             let triangle = hit.triangle as usize;
             if !space.geometry.is_glass(triangle) {
                 break hit;

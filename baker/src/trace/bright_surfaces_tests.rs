@@ -4,10 +4,10 @@ use super::*;
 use crate::atlas::{Atlas, build};
 use crate::geometry::{Instance, Material, Texture, Wrap};
 use crate::scene::{Lightmap, LightmapSize};
-use crate::trace::facet_index::FacetIndex;
-use crate::trace::facets::{CLUSTERS, number_of, sides};
-use crate::trace::rays::Rays;
-use crate::trace::sampler::{Kind, Sequence};
+use crate::trace::bright_facet_index::BrightFacetIndex;
+use crate::trace::bright_facets::{MOST_CLUSTERS, number_of, sides};
+use crate::trace::ray_tracer::RayTracer;
+use crate::trace::sampler::{Sequence, SequenceKind};
 
 /// A floor of 4 × 4 m that looks up, its texels, and light on it: 1 everywhere, in layer 0 a hundred on a
 /// square of 0.5 m.
@@ -61,14 +61,14 @@ fn hit(triangle: u32, barycentric: Vec3) -> Hit {
 }
 
 /// Calls back with the reflectors of the floor.
-fn with_reflectors(bright: f32, test: impl FnOnce(&Geometry, Option<Reflectors>)) {
+fn with_reflectors(bright: f32, test: impl FnOnce(&Geometry, Option<BrightSurfaces>)) {
     let (geometry, atlas) = floor();
     let all = 0..(atlas.width * atlas.height) as usize;
     let map = CacheMap::new(&atlas, &geometry, (0, usize::MAX), all);
     // The entries in the square, by points spread over the floor.
     let mut is_bright = vec![false; map.entries()];
     for i in 0..1 << 16 {
-        let u = Sequence::new(1, Kind::Texel, 0, 0).sample(i).pair(0);
+        let u = Sequence::new(1, SequenceKind::Texel, 0, 0).sample(i).pair(0);
         let b = if u.x + u.y > 1.0 { Vec2::ONE - u } else { u };
         let b = Vec3::new(1.0 - b.x - b.y, b.x, b.y);
         let p = place(&geometry, i % 2, b);
@@ -87,39 +87,41 @@ fn with_reflectors(bright: f32, test: impl FnOnce(&Geometry, Option<Reflectors>)
         });
         half
     };
-    let (sides, part) = (sides(&geometry, &map), Part { layers: 0..2, key: 7, clusters: CLUSTERS });
-    test(&geometry, Reflectors::new(&geometry, &map, &[half(), half()], &sides, part));
+    let (sides, part) =
+        (sides(&geometry, &map), BrightLayers { layers: 0..2, key: 7, clusters: MOST_CLUSTERS });
+    test(&geometry, BrightSurfaces::new(&geometry, &map, &[half(), half()], &sides, part));
 }
 
 #[test]
 fn even_light_has_no_bright_facets() {
-    with_reflectors(1.0, |_, reflectors| assert!(reflectors.is_none()));
+    with_reflectors(1.0, |_, bright_surfaces| assert!(bright_surfaces.is_none()));
 }
 
 #[test]
 fn points_are_drawn_from_the_bright_square_with_the_density_told() {
-    with_reflectors(100.0, |geometry, reflectors| {
-        let reflectors = reflectors.expect("a bright square");
+    with_reflectors(100.0, |geometry, bright_surfaces| {
+        let bright_surfaces = bright_surfaces.expect("a bright square");
         // Listed second, after a list of every other facet: both are found, in this order.
-        let others: Vec<Facet> = reflectors.facets().iter().copied().step_by(2).collect();
-        let index = FacetIndex::new(geometry.triangles.len(), &[&others, reflectors.facets()]);
-        let density_at = |view: &View, hit: &Hit, is_back: bool| match index.at(hit, is_back) {
+        let others: Vec<BrightFacet> = bright_surfaces.facets().iter().copied().step_by(2).collect();
+        let index = BrightFacetIndex::new(geometry.triangles.len(), &[&others, bright_surfaces.facets()]);
+        let density_at = |view: &BrightSurfaceView, hit: &Hit, is_back: bool| match index.at(hit, is_back) {
             [] => 0.0,
             [held] => {
                 assert!(held.part == 1 && held.facet % 2 == 1);
-                reflectors.density(view, held.facet as usize)
+                bright_surfaces.density(view, held.facet as usize)
             }
             [other, held] => {
                 assert!((other.part, held.part, 2 * other.facet) == (0, 1, held.facet));
-                reflectors.density(view, held.facet as usize)
+                bright_surfaces.density(view, held.facet as usize)
             }
             more => panic!("{more:?}"),
         };
         let receivers = [(Vec3::new(0.0, 2.0, 0.0), -Vec3::Y)];
-        let number =
-            |r: usize, k: usize| Sequence::new(3, Kind::Texel, r as u32, 0).sample(k as u32).number(0);
-        let view = reflectors.view_from(&receivers, number, |_, _, _| true).expect("it is seen");
-        let sequence = Sequence::new(2, Kind::Texel, 0, 0);
+        let number = |r: usize, k: usize| {
+            Sequence::new(3, SequenceKind::Texel, r as u32, 0).sample(k as u32).number(0)
+        };
+        let view = bright_surfaces.view_from(&receivers, number, |_, _, _| true).expect("it is seen");
+        let sequence = Sequence::new(2, SequenceKind::Texel, 0, 0);
         // The sum of 1 ÷ density over what is drawn is the area it is drawn from.
         let (mut area, n) = (0.0, 1 << 14);
         let mut quarter = [0f64; 4];
@@ -127,7 +129,7 @@ fn points_are_drawn_from_the_bright_square_with_the_density_told() {
         let mut strayed = 0;
         for i in 0..n {
             let sample = sequence.sample(i);
-            let point = reflectors.sample(&view, sample.number(0), sample.pair(0)).expect("always one");
+            let point = bright_surfaces.sample(&view, sample.number(0), sample.pair(0)).expect("always one");
             let told = density_at(&view, &hit(point.triangle, point.barycentric), point.is_back);
             strayed += u32::from((told / point.density - 1.0).abs() > 1e-5);
             let p = place(geometry, point.triangle, point.barycentric);
@@ -163,18 +165,19 @@ fn points_are_drawn_from_the_bright_square_with_the_density_told() {
 
 #[test]
 fn a_hidden_cluster_is_drawn_rarely_but_drawn() {
-    with_reflectors(100.0, |_, reflectors| {
-        let reflectors = reflectors.expect("a bright square");
+    with_reflectors(100.0, |_, bright_surfaces| {
+        let bright_surfaces = bright_surfaces.expect("a bright square");
         let receivers = [(Vec3::new(0.0, 2.0, 0.0), -Vec3::Y)];
-        let number =
-            |r: usize, k: usize| Sequence::new(3, Kind::Texel, r as u32, 0).sample(k as u32).number(0);
+        let number = |r: usize, k: usize| {
+            Sequence::new(3, SequenceKind::Texel, r as u32, 0).sample(k as u32).number(0)
+        };
         // A wall at x = 1: only directions that end at less are free.
         let free = |_: usize, direction: Vec3, distance: f32| direction.x * distance < 1.0;
-        let view = reflectors.view_from(&receivers, number, free).expect("half of it is seen");
+        let view = bright_surfaces.view_from(&receivers, number, free).expect("half of it is seen");
         let n = 1 << 12;
         let behind = (0..n).filter(|&i| {
-            let sample = Sequence::new(2, Kind::Texel, 0, 0).sample(i);
-            let point = reflectors.sample(&view, sample.number(0), sample.pair(0)).expect("always one");
+            let sample = Sequence::new(2, SequenceKind::Texel, 0, 0).sample(i);
+            let point = bright_surfaces.sample(&view, sample.number(0), sample.pair(0)).expect("always one");
             point.point.x > 1.05
         });
         let part = behind.count() as f64 / f64::from(n);
@@ -184,11 +187,11 @@ fn a_hidden_cluster_is_drawn_rarely_but_drawn() {
 
 #[test]
 fn a_receiver_that_faces_away_sees_nothing() {
-    with_reflectors(100.0, |_, reflectors| {
-        let reflectors = reflectors.expect("a bright square");
+    with_reflectors(100.0, |_, bright_surfaces| {
+        let bright_surfaces = bright_surfaces.expect("a bright square");
         let number = |_: usize, _: usize| 0.5;
-        assert!(reflectors.view_from(&[(Vec3::Y, Vec3::Y)], number, |_, _, _| true).is_none());
-        assert!(reflectors.view_from(&[(-Vec3::Y, Vec3::Y)], number, |_, _, _| true).is_none());
+        assert!(bright_surfaces.view_from(&[(Vec3::Y, Vec3::Y)], number, |_, _, _| true).is_none());
+        assert!(bright_surfaces.view_from(&[(-Vec3::Y, Vec3::Y)], number, |_, _, _| true).is_none());
     });
 }
 
@@ -207,8 +210,8 @@ fn a_point_of_a_facet_is_found_there() {
 
 #[test]
 fn holes_of_a_cut_out_reflect_nothing() {
-    with_reflectors(100.0, |geometry, reflectors| {
-        let reflectors = reflectors.expect("a bright square");
+    with_reflectors(100.0, |geometry, bright_surfaces| {
+        let bright_surfaces = bright_surfaces.expect("a bright square");
         // Solid for x < 1, through the middle of the bright square.
         let rgba = (0..64).map(|i| [255, 255, 255, if i < 48 { 255 } else { 0 }]).collect();
         let texture = Texture { width: 64, height: 1, rgba, wrap_u: Wrap::Clamp, wrap_v: Wrap::Clamp };
@@ -218,7 +221,7 @@ fn holes_of_a_cut_out_reflect_nothing() {
         sheet.materials[0].texture = Some(0);
         sheet.materials[0].alpha_cutoff = Some(0.5);
         let found = |geometry: &Geometry| {
-            let rays = Rays::new(geometry);
+            let rays = RayTracer::new(geometry);
             let space = Space::new(geometry, &rays);
             // Above the floor, looking down.
             let receiver = Receiver {
@@ -227,14 +230,15 @@ fn holes_of_a_cut_out_reflect_nothing() {
                 face_normal: -Vec3::Y,
                 normal: -Vec3::Y,
             };
-            let sequence = Sequence::new(2, Kind::Texel, 0, 0);
+            let sequence = Sequence::new(2, SequenceKind::Texel, 0, 0);
             let mut counts = RayCounts::default();
-            let view = reflectors.view(&space, &[(receiver, sequence.sample(0))], &mut counts).expect("seen");
+            let view =
+                bright_surfaces.view(&space, &[(receiver, sequence.sample(0))], &mut counts).expect("seen");
             let mut sides = [0; 2];
             for i in 0..1 << 10 {
                 let sample = sequence.sample(i);
                 if let Some((hit, is_back, weight)) =
-                    reflectors.reflected(&space, &receiver, &view, 1.0, sample, &mut counts)
+                    bright_surfaces.reflected(&space, &receiver, &view, 1.0, sample, &mut counts)
                 {
                     assert!(!is_back && weight.min_element() > 0.0);
                     let x = place(geometry, hit.triangle, hit.barycentric).x;

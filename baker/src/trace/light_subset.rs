@@ -1,22 +1,23 @@
-//! Asks some of many light groups: each with a chance of its own, and whatever comes of it counts for 1 ÷
+//! Samples some of many light groups: each with a chance of its own, and whatever comes of it counts for 1 ÷
 //! that chance. No layer's mean depends on the chances, only its noise and the number of rays.
 //!
-//! Which ones are asked is a systematic sample (Madow 1949): the chances lie end to end on a line, and one
-//! random number sets a comb of unit spacing over it. So the number of those asked differs by one at most,
-//! and random numbers that are spread evenly over the samples of a texel ask every group its share of times.
+//! Which ones are sampled is a systematic sample (Madow 1949): the chances lie end to end on a line, and one
+//! random number sets a comb of unit spacing over it. So the number of those sampled differs by one at most,
+//! and random numbers that are spread evenly over the samples of a texel sample every group its share of
+//! times.
 
-/// Up to this many light groups, all are asked.
-pub const ALL_UP_TO: usize = 8;
+/// Up to this many light groups, all are sampled.
+pub const FEW_GROUPS: usize = 8;
 
-/// Turns the `worth` of each (0: never asked) into its chance: in proportion, as far as none is above 1.
-/// Their sum is `asked`, or the number of those that are worth anything where that is less.
-pub fn chances(worth: &mut [f32], asked: usize) {
+/// Turns the `worth` of each (0: never sampled) into its chance: in proportion, as far as none is above 1.
+/// Their sum is `selected`, or the number of those that are worth anything where that is less.
+pub fn chances(worth: &mut [f32], selected: usize) {
     let able = worth.iter().filter(|w| **w > 0.0).count();
-    if able <= asked {
+    if able <= selected {
         return worth.iter_mut().for_each(|w| *w = if *w > 0.0 { 1.0 } else { 0.0 });
     }
     let sum = |values: &mut dyn Iterator<Item = f32>| values.map(f64::from).sum::<f64>();
-    let mut scale = asked as f64 / sum(&mut worth.iter().copied());
+    let mut scale = selected as f64 / sum(&mut worth.iter().copied());
     // What would get more than 1 is certain, and the others share the rest: by that, more of them may become
     // certain.
     let mut certain = f32::INFINITY;
@@ -24,7 +25,7 @@ pub fn chances(worth: &mut [f32], asked: usize) {
         let new = worth.iter().copied().filter(|w| *w < certain && f64::from(*w) * scale >= 1.0);
         let Some(least) = new.min_by(f32::total_cmp) else { break };
         certain = least;
-        let left = asked - worth.iter().filter(|w| **w >= certain).count().min(asked);
+        let left = selected - worth.iter().filter(|w| **w >= certain).count().min(selected);
         scale = left as f64 / sum(&mut worth.iter().copied().filter(|w| *w < certain)).max(f64::MIN_POSITIVE);
     }
     for w in worth {
@@ -32,7 +33,7 @@ pub fn chances(worth: &mut [f32], asked: usize) {
     }
 }
 
-/// Tells of one sample which are asked, one after the other.
+/// Tells of one sample which are sampled, one after the other.
 pub struct SystematicSampler {
     /// Where on the line the next one begins; the teeth stand at whole numbers.
     at: f64,
@@ -44,9 +45,9 @@ impl SystematicSampler {
         SystematicSampler { at: f64::from(u) }
     }
 
-    /// Whether the next one, whose chance this is, is asked.
+    /// Whether the next one, whose chance this is, is sampled.
     #[inline]
-    pub fn asks(&mut self, chance: f32) -> bool {
+    pub fn selects(&mut self, chance: f32) -> bool {
         if chance >= 1.0 {
             return true;
         }
@@ -59,13 +60,13 @@ impl SystematicSampler {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::trace::sampler::{Kind, Sequence};
+    use crate::trace::sampler::{Sequence, SequenceKind};
 
     #[test]
     fn chances_are_in_proportion_and_sum_to_what_is_asked() {
-        for asked in 1..9 {
+        for selected in 1..9 {
             for seed in 0..200u32 {
-                let sequence = Sequence::new(u64::from(seed), Kind::Texel, 0, 0);
+                let sequence = Sequence::new(u64::from(seed), SequenceKind::Texel, 0, 0);
                 // Over up to ten decades; some are worth nothing.
                 let worth = |i: u32| match sequence.sample(i).pair(0) {
                     u if u.x < 0.1 => 0.0,
@@ -73,10 +74,10 @@ mod tests {
                 };
                 let worth: Vec<f32> = (0..9 + seed % 40).map(worth).collect();
                 let mut c = worth.clone();
-                chances(&mut c, asked);
+                chances(&mut c, selected);
                 let able = worth.iter().filter(|w| **w > 0.0).count();
                 let sum: f64 = c.iter().map(|c| f64::from(*c)).sum();
-                assert!((sum - able.min(asked) as f64).abs() < 1e-4, "{sum} of {asked}: {worth:?}");
+                assert!((sum - able.min(selected) as f64).abs() < 1e-4, "{sum} of {selected}: {worth:?}");
                 for (c, w) in c.iter().zip(&worth) {
                     assert!((0.0..=1.0).contains(c) && (*c > 0.0) == (*w > 0.0));
                 }
@@ -102,19 +103,22 @@ mod tests {
     fn each_is_asked_as_often_as_its_chance_says() {
         let c = [0.5, 0.03, 1.0, 0.0, 0.25, 0.9, 0.32, 1.0];
         let n = 1 << 14;
-        let mut asked = [0u32; 8];
+        let mut selected = [0u32; 8];
         for i in 0..n {
-            let u = Sequence::new(5, Kind::Texel, i / 64, 0).sample(i % 64).number(0);
-            let mut comb = SystematicSampler::new(u);
-            let now: Vec<bool> = c.iter().map(|c| comb.asks(*c)).collect();
-            asked.iter_mut().zip(&now).for_each(|(n, now)| *n += u32::from(*now));
+            let u = Sequence::new(5, SequenceKind::Texel, i / 64, 0).sample(i % 64).number(0);
+            let mut sampler = SystematicSampler::new(u);
+            let now: Vec<bool> = c.iter().map(|c| sampler.selects(*c)).collect();
+            selected.iter_mut().zip(&now).for_each(|(n, now)| *n += u32::from(*now));
             // Sum of the chances: 4.
             assert_eq!(now.iter().filter(|n| **n).count(), 4);
         }
-        for (asked, c) in asked.iter().zip(c) {
+        for (selected, c) in selected.iter().zip(c) {
             // Evenly spread numbers stray by less than independent ones do, whose 5 σ this is.
             let sigma = (f64::from(n) * f64::from(c * (1.0 - c))).sqrt();
-            assert!((f64::from(*asked) - f64::from(n) * f64::from(c)).abs() <= 5.0 * sigma, "{asked} of {c}");
+            assert!(
+                (f64::from(*selected) - f64::from(n) * f64::from(c)).abs() <= 5.0 * sigma,
+                "{selected} of {c}"
+            );
         }
     }
 }

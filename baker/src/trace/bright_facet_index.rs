@@ -1,60 +1,60 @@
 //! From a hit back to the bright facets there, those of daylight and those of each light group.
 
-use super::facets::{Facet, number_of};
+use super::bright_facets::{BrightFacet, number_of};
 use super::triangle::Hit;
 
 /// No facet.
 const NONE: u32 = u32::MAX;
 
 /// Which facets hold a point of a surface.
-pub struct FacetIndex {
-    /// Per triangle and side, the place of its first facet in `from`, and the facets along an edge.
+pub struct BrightFacetIndex {
+    /// Per triangle and side, the index of its first facet in `from`, and the facets along an edge.
     sides: Vec<[(u32, u32); 2]>,
     /// Per facet of those sides, where its entries begin in `held`; one more at the end.
     from: Vec<u32>,
-    held: Vec<Held>,
+    held: Vec<FacetRef>,
 }
 
 /// A bright facet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Held {
-    /// Whose it is: a place among the lists of facets.
+pub struct FacetRef {
+    /// Whose it is: an index into the lists of facets.
     pub part: u32,
-    /// Its place in that list.
+    /// Its index in that list.
     pub facet: u32,
 }
 
-impl FacetIndex {
+impl BrightFacetIndex {
     /// The index of several lists of facets, of a scene of so many triangles. (All cut a side in the same
     /// way.)
-    pub fn new(triangles: usize, parts: &[&[Facet]]) -> Self {
+    pub fn new(triangles: usize, parts: &[&[BrightFacet]]) -> Self {
         let mut sides = vec![[(NONE, 0); 2]; if parts.is_empty() { 0 } else { triangles }];
         // How many each holds, one place further on; then their sums.
         let mut from = vec![0u32];
         for facet in parts.iter().copied().flatten() {
-            let place = &mut sides[facet.triangle as usize][usize::from(facet.is_back)];
-            if place.0 == NONE {
-                *place = (from.len() as u32 - 1, facet.along);
+            let first_and_along = &mut sides[facet.triangle as usize][usize::from(facet.is_back)];
+            if first_and_along.0 == NONE {
+                *first_and_along = (from.len() as u32 - 1, facet.along);
                 from.resize(from.len() + (facet.along * facet.along) as usize, 0);
             }
-            from[(place.0 + facet.number) as usize + 1] += 1;
+            from[(first_and_along.0 + facet.number) as usize + 1] += 1;
         }
         (1..from.len()).for_each(|i| from[i] += from[i - 1]);
         let mut next = from.clone();
-        let mut held = vec![Held { part: 0, facet: 0 }; from[from.len() - 1] as usize];
+        let mut held = vec![FacetRef { part: 0, facet: 0 }; from[from.len() - 1] as usize];
         for (part, facets) in parts.iter().enumerate() {
             for (i, facet) in facets.iter().enumerate() {
                 let first = sides[facet.triangle as usize][usize::from(facet.is_back)].0;
                 let next = &mut next[(first + facet.number) as usize];
-                held[*next as usize] = Held { part: part as u32, facet: i as u32 };
+                held[*next as usize] = FacetRef { part: part as u32, facet: i as u32 };
                 *next += 1;
             }
         }
-        FacetIndex { sides, from, held }
+        BrightFacetIndex { sides, from, held }
     }
 
     /// The facets that hold a point of a surface, at most one of each list, in the order of the lists.
-    pub fn at(&self, hit: &Hit, is_back: bool) -> &[Held] {
+    pub fn at(&self, hit: &Hit, is_back: bool) -> &[FacetRef] {
         let Some(sides) = self.sides.get(hit.triangle as usize) else { return &[] };
         let (first, along) = sides[usize::from(is_back)];
         if first == NONE {

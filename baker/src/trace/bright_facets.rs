@@ -12,24 +12,24 @@ use rayon::prelude::*;
 use std::ops::Range;
 
 /// Length of a facet in entries of the cache, about.
-const LENGTH: f64 = 2.0;
+const FACET_LENGTH: f64 = 2.0;
 /// Most facets along a side of a triangle.
-const MOST_ALONG: u32 = 1024;
+const MOST_FACETS_ALONG: u32 = 1024;
 /// Most facets that are looked at; they get longer where there would be more.
-const MOST: u64 = 1 << 24;
+const MOST_FACETS: u64 = 1 << 24;
 /// Facets this many times as bright as the mean are lights.
-const BRIGHT: f32 = 4.0;
+const BRIGHT_FACTOR: f32 = 4.0;
 /// They are worth a look where they hold this part of the light's second moment over all surfaces, and so
 /// about of the variance of what paths find by chance (0.91 for daylight in the scene `room`, 0.39 in `yard`,
 /// 0.98 and more for lamps).
-const WORTH: f64 = 0.5;
+const LEAST_SHARE: f64 = 0.5;
 /// Most clusters of facets.
-pub const CLUSTERS: usize = 256;
+pub const MOST_CLUSTERS: usize = 256;
 
 /// The bright facets, ordered by cluster.
-pub struct Facets {
+pub struct BrightFacets {
     /// The facets.
-    pub facets: Vec<Facet>,
+    pub facets: Vec<BrightFacet>,
     /// Per facet, the sum of the powers of its cluster's facets up to and with it, over that of all.
     pub up_to: Vec<f32>,
     /// The clusters.
@@ -38,7 +38,7 @@ pub struct Facets {
 
 /// A small triangle of a surface.
 #[derive(Clone, Copy, Debug)]
-pub struct Facet {
+pub struct BrightFacet {
     /// The triangle it is a part of.
     pub triangle: u32,
     /// Which side of that.
@@ -79,7 +79,7 @@ pub struct Cluster {
 
 /// A side of a triangle that has entries in the cache, cut into along² facets.
 #[derive(Clone, Copy)]
-pub struct Side {
+pub struct TriangleSide {
     triangle: u32,
     is_back: bool,
     along: u32,
@@ -87,32 +87,32 @@ pub struct Side {
     area: f64,
 }
 
-impl Side {
+impl TriangleSide {
     fn facets(&self) -> std::ops::Range<u32> {
         0..self.along * self.along
     }
 }
 
 /// What the cache knows of some layers.
-struct Sent<'a> {
+struct SentLight<'a> {
     geometry: &'a Geometry,
     map: &'a CacheMap<'a>,
     halves: &'a [CacheHalf; 2],
     layers: Range<usize>,
 }
 
-impl Facets {
+impl BrightFacets {
     /// The bright facets among all surfaces of the cache, in `most_clusters` at most, by the light of
     /// `layers`; `None` where little comes from them.
     pub fn bright(
         geometry: &Geometry,
         map: &CacheMap,
         halves: &[CacheHalf; 2],
-        sides: &[Side],
+        sides: &[TriangleSide],
         layers: Range<usize>,
         most_clusters: usize,
     ) -> Option<Self> {
-        let sent = Sent { geometry, map, halves, layers };
+        let sent = SentLight { geometry, map, halves, layers };
         let brightness = sent.brightness(sides);
         // Over all surfaces, the integrals of 1, brightness and its square.
         let [mut area, mut light, mut second] = [0f64; 3];
@@ -121,24 +121,24 @@ impl Facets {
             light += side.area * brightness.iter().map(|b| f64::from(*b)).sum::<f64>();
             second += side.area * brightness.iter().map(|b| f64::from(*b).powi(2)).sum::<f64>();
         }
-        let least = BRIGHT * (light / area.max(f64::MIN_POSITIVE)) as f32;
+        let least = BRIGHT_FACTOR * (light / area.max(f64::MIN_POSITIVE)) as f32;
         let mut facets = Vec::new();
         for (side, brightness) in sides.iter().zip(&brightness) {
             let bright = side.facets().zip(brightness).filter(|(_, b)| **b > least);
-            facets.extend(bright.filter_map(|(number, b)| Facet::new(geometry, side, number, *b)));
+            facets.extend(bright.filter_map(|(number, b)| BrightFacet::new(geometry, side, number, *b)));
         }
         let bright: f64 = facets.iter().map(|f| f64::from(f.power).powi(2) / f64::from(f.area)).sum();
-        if bright < WORTH * second {
+        if bright < LEAST_SHARE * second {
             return None;
         }
         let (clusters, up_to) = cluster(&mut facets, most_clusters);
-        Some(Facets { facets, up_to, clusters })
+        Some(BrightFacets { facets, up_to, clusters })
     }
 }
 
-impl Facet {
+impl BrightFacet {
     /// Facet `number` of a side; `None` where it sends out nothing, or has no normal.
-    fn new(geometry: &Geometry, side: &Side, number: u32, brightness: f32) -> Option<Self> {
+    fn new(geometry: &Geometry, side: &TriangleSide, number: u32, brightness: f32) -> Option<Self> {
         let triangle = side.triangle as usize;
         let front = geometry.normal(triangle);
         let area = side.area as f32;
@@ -152,7 +152,7 @@ impl Facet {
             p * b.x + q * b.y + r * b.z
         };
         let corner = at(Vec2::ZERO);
-        Some(Facet {
+        Some(BrightFacet {
             triangle: side.triangle,
             is_back: side.is_back,
             number,
@@ -168,14 +168,14 @@ impl Facet {
     }
 }
 
-impl Sent<'_> {
+impl SentLight<'_> {
     /// Per side and facet, the light of all layers that it sends out per area, each in units of its integral
     /// over all surfaces: one number.
-    fn brightness(&self, sides: &[Side]) -> Vec<Vec<f32>> {
+    fn brightness(&self, sides: &[TriangleSide]) -> Vec<Vec<f32>> {
         let sums = self.sums(sides);
         let unit: Vec<f32> =
             sums.iter().map(|&s| if s > 0.0 { (1.0 / s).min(1e30) as f32 } else { 0.0 }).collect();
-        let of_facet = |side: &Side, number: u32, light: &mut [Rgb]| {
+        let of_facet = |side: &TriangleSide, number: u32, light: &mut [Rgb]| {
             let mut squares = 0.0;
             for u in [Vec2::new(0.6, 0.2), Vec2::new(0.2, 0.6), Vec2::splat(0.2)] {
                 self.at(side, number, u, light);
@@ -194,7 +194,7 @@ impl Sent<'_> {
     }
 
     /// The integral of each layer's luminance over all surfaces.
-    fn sums(&self, sides: &[Side]) -> Vec<f64> {
+    fn sums(&self, sides: &[TriangleSide]) -> Vec<f64> {
         let of_sides = sides.par_chunks(256).map(|sides| {
             let (mut sums, mut light) = (vec![0f64; self.layers.len()], vec![Rgb::ZERO; self.layers.len()]);
             for side in sides {
@@ -213,7 +213,7 @@ impl Sent<'_> {
     }
 
     /// What each layer sends out per area, at the point `u` of a facet.
-    fn at(&self, side: &Side, number: u32, u: Vec2, light: &mut [Rgb]) {
+    fn at(&self, side: &TriangleSide, number: u32, u: Vec2, light: &mut [Rgb]) {
         light.fill(Rgb::ZERO);
         let (triangle, barycentric) = (side.triangle, point_of(side.along, number, u));
         if let Some(entry) = self.map.of_hit(&Hit { triangle, barycentric, t: 0.0 }, side.is_back) {
@@ -223,48 +223,48 @@ impl Sent<'_> {
     }
 }
 
-/// The sides of triangles that have entries, cut into no more than `MOST` facets; none where even long ones
-/// are more.
-pub fn sides(geometry: &Geometry, map: &CacheMap) -> Vec<Side> {
+/// The sides of triangles that have entries, cut into no more than `MOST_FACETS` facets; none where even long
+/// ones are more.
+pub fn sides(geometry: &Geometry, map: &CacheMap) -> Vec<TriangleSide> {
     let cut = |length: f64| {
         let of_triangle = |triangle: usize| {
             let along = facets_along(geometry, triangle, length);
             let area = f64::from(geometry.area(triangle)) / f64::from(along * along);
             let triangle = triangle as u32;
             let held = [false, true].into_iter().filter(move |&is_back| map.holds(triangle, is_back));
-            held.map(move |is_back| Side { triangle, is_back, along, area })
+            held.map(move |is_back| TriangleSide { triangle, is_back, along, area })
         };
         (0..geometry.triangles.len()).flat_map(of_triangle).collect::<Vec<_>>()
     };
-    let lengths = std::iter::successors(Some(LENGTH * map.entry_length()), |length| Some(2.0 * length));
-    let facets = |sides: &Vec<Side>| sides.iter().map(|s| u64::from(s.along).pow(2)).sum::<u64>();
-    lengths.take(8).map(cut).find(|sides| facets(sides) <= MOST).unwrap_or_default()
+    let lengths = std::iter::successors(Some(FACET_LENGTH * map.entry_length()), |length| Some(2.0 * length));
+    let facets = |sides: &Vec<TriangleSide>| sides.iter().map(|s| u64::from(s.along).pow(2)).sum::<u64>();
+    lengths.take(8).map(cut).find(|sides| facets(sides) <= MOST_FACETS).unwrap_or_default()
 }
 
 /// How many facets of about this length lie along an edge of a triangle.
 fn facets_along(geometry: &Geometry, triangle: usize, length: f64) -> u32 {
     // (Slivers would have too many: no more than a few times what their area holds.)
     let even = 4.0 * f64::from(geometry.area(triangle)).sqrt();
-    ((geometry.longest_edge(triangle).min(even) / length).ceil().max(1.0) as u32).min(MOST_ALONG)
+    ((geometry.longest_edge(triangle).min(even) / length).ceil().max(1.0) as u32).min(MOST_FACETS_ALONG)
 }
 
 /// Orders the facets by clusters: starting from six directions of their normals, the one with the greatest
 /// power × extent is halved until there are enough.
-fn cluster(facets: &mut [Facet], most: usize) -> (Vec<Cluster>, Vec<f32>) {
-    let direction = |f: &Facet| {
+fn cluster(facets: &mut [BrightFacet], most: usize) -> (Vec<Cluster>, Vec<f32>) {
+    let direction = |f: &BrightFacet| {
         let n = f.normal;
         let axis = n.abs().max_position();
         2 * axis + usize::from(n[axis] < 0.0)
     };
     facets.sort_by_key(direction);
     // Ranges, with what halving them is worth.
-    let extent = |facets: &[Facet]| {
+    let extent = |facets: &[BrightFacet]| {
         let (mut low, mut high) = (Vec3::MAX, Vec3::MIN);
         facets.iter().for_each(|f| (low, high) = (low.min(f.middle), high.max(f.middle)));
         high - low
     };
-    let power = |facets: &[Facet]| facets.iter().map(|f| f64::from(f.power)).sum::<f64>();
-    let worth = |facets: &[Facet]| {
+    let power = |facets: &[BrightFacet]| facets.iter().map(|f| f64::from(f.power)).sum::<f64>();
+    let worth = |facets: &[BrightFacet]| {
         if facets.len() < 2 { -1.0 } else { power(facets).sqrt() * f64::from(extent(facets).length()) }
     };
     let mut ranges: Vec<(usize, usize, f64)> = Vec::new();

@@ -1,24 +1,24 @@
 //! The sun's course over the time that is baked: when it is looked at, and where it stands then.
 
 use super::sun::{self, SunDisc};
-use crate::scene::{Place, Sun, SunTrack};
+use crate::scene::{Location, Sun, SunTrack};
 use dataset::sun::SunPath;
 use glam::{DVec3, Vec2};
 
 /// Steps of 2.5 minutes in an hour.
-const FINEST: i64 = 24;
+const FINEST_PER_HOUR: i64 = 24;
 
 /// The steps of the levels, coarsest first, in units of 2.5 minutes: 60, 30, 15, 7.5 and 2.5 minutes.
-const STEPS: [i64; 5] = [24, 12, 6, 3, 1];
+const STEPS_OF_LEVELS: [i64; 5] = [24, 12, 6, 3, 1];
 
 /// The level of quarters of an hour. Where steps are finer, all is asked for as often: beams through narrow
 /// gaps show for a few minutes.
-const QUARTERS: usize = 2;
+const QUARTERS_LEVEL: usize = 2;
 
 /// The times at which the sun's visibility is asked for, ascending, and the sun at each: none at which it
 /// gives no light.
 #[derive(Clone, Debug)]
-pub struct Course {
+pub struct VisibilityTimes {
     /// The finest step of the clock, in minutes.
     pub minutes: f64,
     /// In hours from midnight, at most 24.
@@ -30,19 +30,22 @@ pub struct Course {
     pub suns: Vec<SunDisc>,
 }
 
-impl Course {
+impl VisibilityTimes {
     /// The course of a sun between two hours. `minutes`: the finest step, 15 or 2.5.
     ///
     /// The times are those of the clock at that step, both ends, the keys of an authored course, the first
     /// and last second of sun, and the middle of every time of sun that lies between two others.
-    pub fn new(sun: &Sun, place: Option<&Place>, [from, to]: [f64; 2], minutes: f64) -> Self {
+    pub fn new(sun: &Sun, location: Option<&Location>, [from, to]: [f64; 2], minutes: f64) -> Self {
         let step = (minutes / 2.5).round().max(1.0) as i64;
-        let finest = (from * FINEST as f64).ceil() as i64..=(to * FINEST as f64).floor() as i64;
+        let finest =
+            (from * FINEST_PER_HOUR as f64).ceil() as i64..=(to * FINEST_PER_HOUR as f64).floor() as i64;
         let of_clock = finest.filter(|k| k % step == 0);
-        let coarsest = if minutes < 15.0 && is_moving(sun) { QUARTERS } else { 0 };
-        let of_step = |k: i64| STEPS.iter().position(|step| k % step == 0).filter(|level| *level > coarsest);
+        let coarsest = if minutes < 15.0 && is_moving(sun) { QUARTERS_LEVEL } else { 0 };
+        let of_step =
+            |k: i64| STEPS_OF_LEVELS.iter().position(|step| k % step == 0).filter(|level| *level > coarsest);
         let level = |k: i64| of_step(k).unwrap_or(0) as u8;
-        let mut times: Vec<(f64, u8)> = of_clock.map(|k| (k as f64 / FINEST as f64, level(k))).collect();
+        let mut times: Vec<(f64, u8)> =
+            of_clock.map(|k| (k as f64 / FINEST_PER_HOUR as f64, level(k))).collect();
         let mut add = |hour: f64| {
             times.retain(|(other, _)| *other != hour);
             times.push((hour, 0));
@@ -53,7 +56,7 @@ impl Course {
             keys.iter().map(|key| key.hour).filter(|hour| (from..=to).contains(hour)).for_each(&mut add);
         }
         times.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let at = |hour: f64| sun::at(sun, place, hour);
+        let at = |hour: f64| sun::at(sun, location, hour);
         let brief = brief_times(&times, &at);
         times.extend(brief.into_iter().map(|hour| (hour, 0)));
         times.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -69,7 +72,7 @@ impl Course {
             levels.push(level);
             suns.push(sun);
         }
-        Course { minutes, hours, levels, suns }
+        VisibilityTimes { minutes, hours, levels, suns }
     }
 
     /// Whether the sun ever shines.
@@ -98,15 +101,15 @@ impl Course {
 /// Whether a sun stands at several places in the course of a day.
 fn is_moving(sun: &Sun) -> bool {
     match &sun.track {
-        SunTrack::Place { .. } => true,
+        SunTrack::Computed { .. } => true,
         SunTrack::Authored(keys) => keys.iter().any(|key| key.direction != keys[0].direction),
     }
 }
 
 /// The sun by the minute between two hours, as datasets hold it; the keys of an authored course, and the
 /// first and last second of sun, are times of their own. None of it where there is no sun at all.
-pub fn by_the_minute(sun: &Sun, place: Option<&Place>, [from, to]: [f64; 2]) -> SunPath {
-    let at = |hour: f64| sun::at(sun, place, hour);
+pub fn sun_path(sun: &Sun, location: Option<&Location>, [from, to]: [f64; 2]) -> SunPath {
+    let at = |hour: f64| sun::at(sun, location, hour);
     let mut hours = vec![from, to];
     hours.extend(
         ((from * 60.0).ceil() as i64..=(to * 60.0).floor() as i64).map(|minute| minute as f64 / 60.0),
@@ -205,12 +208,12 @@ mod tests {
     #[test]
     fn times_are_those_of_the_clock_with_ends_and_keys() {
         let sun = authored(&[(6.0, -1.0, 1.0), (12.1, 0.0, 1.0), (18.0, 1.0, 1.0)]);
-        let course = Course::new(&sun, None, [11.0, 13.1], 15.0);
+        let course = VisibilityTimes::new(&sun, None, [11.0, 13.1], 15.0);
         assert_eq!(course.hours, [11.0, 11.25, 11.5, 11.75, 12.0, 12.1, 12.25, 12.5, 12.75, 13.0, 13.1]);
         assert_eq!(course.levels, [0, 2, 1, 2, 0, 0, 2, 1, 2, 0, 0]);
         assert_eq!(course.of_level(1), [(2, Some(0), Some(4)), (7, Some(5), Some(9))]);
         assert_eq!(course.of_level(2)[2], (6, Some(5), Some(7)));
-        let fine = Course::new(&sun, None, [0.0, 24.0], 2.5);
+        let fine = VisibilityTimes::new(&sun, None, [0.0, 24.0], 2.5);
         assert_eq!(fine.hours.len(), 24 * 24 + 1 + 1); // (12.1 beside those of the clock.)
         assert_eq!(fine.finest(), 4);
     }
@@ -218,12 +221,12 @@ mod tests {
     #[test]
     fn a_sun_of_one_minute_has_a_time() {
         let sun = authored(&[(0.0, 0.0, 0.0), (9.05, 0.0, 0.0), (9.06, 0.1, 1.0), (9.07, 0.1, 0.0)]);
-        let course = Course::new(&sun, None, [0.0, 24.0], 15.0);
+        let course = VisibilityTimes::new(&sun, None, [0.0, 24.0], 15.0);
         assert!(course.hours.contains(&9.06), "{:?}", course.hours);
         assert!(course.hours.iter().all(|hour| (9.05..9.07).contains(hour)));
         // A computed one, so far north that it comes up for minutes between two quarters of an hour.
-        let sun = Sun { track: SunTrack::Place { turbidity: 3.0 }, disc_angle: 0.53 };
-        let place = |latitude: f64| Place {
+        let sun = Sun { track: SunTrack::Computed { turbidity: 3.0 }, disc_angle: 0.53 };
+        let location = |latitude: f64| Location {
             latitude,
             longitude: 25.0,
             north: 0.0,
@@ -232,13 +235,16 @@ mod tests {
         };
         let minutes_of = |latitude: f64| {
             let is_up =
-                |minute: u32| sun::at(&sun, Some(&place(latitude)), f64::from(minute) / 60.0).is_some();
+                |minute: u32| sun::at(&sun, Some(&location(latitude)), f64::from(minute) / 60.0).is_some();
             (0..1440).filter(|&minute| is_up(minute)).count()
         };
         let latitude = (0..400).map(|i| 67.0 + f64::from(i) / 1000.0).find(|l| minutes_of(*l) < 12).unwrap();
         assert!(minutes_of(latitude) > 0, "{latitude}");
         for minutes in [15.0, 2.5] {
-            assert!(!Course::new(&sun, Some(&place(latitude)), [0.0, 24.0], minutes).is_dark(), "{latitude}");
+            assert!(
+                !VisibilityTimes::new(&sun, Some(&location(latitude)), [0.0, 24.0], minutes).is_dark(),
+                "{latitude}"
+            );
         }
     }
 

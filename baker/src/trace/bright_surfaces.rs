@@ -4,15 +4,15 @@
 //! the balance heuristic.
 //!
 //! Daylight has facets of its own, shared by all its layers, and so has every group. Of more than a few
-//! groups some are looked at with each path ([`super::subset`]). A facet is chosen in proportion to √Σ (its
-//! light ÷ the layer's mean)² over those layers, the best choice for the sum of their relative variances; and
-//! by how much of it arrives at the receiver, which a [`View`] holds for clusters of facets, shadows
-//! included.
+//! groups some are looked at with each path ([`super::light_subset`]). A facet is chosen in proportion to √Σ
+//! (its light ÷ the layer's mean)² over those layers, the best choice for the sum of their relative
+//! variances; and by how much of it arrives at the receiver, which a [`BrightSurfaceView`] holds for clusters
+//! of facets, shadows included.
 
+use super::bright_facets::{BrightFacet, BrightFacets, Cluster, TriangleSide, point_of};
 use super::cache::CacheMap;
 use super::cache_half::CacheHalf;
 use super::counts::RayCounts;
-use super::facets::{Cluster, Facet, Facets, Side, point_of};
 use super::sampler::Sample;
 use super::space::{Receiver, Space};
 use super::triangle::Hit;
@@ -23,7 +23,7 @@ use std::f32::consts::PI;
 use std::ops::Range;
 
 /// Layers whose bright facets are one list.
-pub struct Part {
+pub struct BrightLayers {
     /// The layers.
     pub layers: Range<usize>,
     /// Tells its random numbers from those of other layers.
@@ -33,12 +33,12 @@ pub struct Part {
 }
 
 /// The bright facets of a scene, for some of its layers.
-pub struct Reflectors {
+pub struct BrightSurfaces {
     /// The layers.
     pub layers: Range<usize>,
     /// Tells its random numbers from those of other layers.
     pub key: u32,
-    facets: Vec<Facet>,
+    facets: Vec<BrightFacet>,
     /// Per facet, the sum of the powers of its cluster's facets up to and with it, over that of all.
     up_to: Vec<f32>,
     clusters: Vec<Cluster>,
@@ -46,7 +46,7 @@ pub struct Reflectors {
 
 /// A point of a facet.
 #[derive(Clone, Copy, Debug)]
-struct FacetPoint {
+struct BrightFacetPoint {
     triangle: u32,
     is_back: bool,
     barycentric: Vec3,
@@ -60,12 +60,12 @@ struct FacetPoint {
 
 /// How much of each cluster's light arrives somewhere: sums of probabilities, up to 1.
 #[derive(Clone, Debug)]
-pub struct View {
+pub struct BrightSurfaceView {
     up_to: Vec<f32>,
     arrives: f32,
 }
 
-impl View {
+impl BrightSurfaceView {
     /// Light that arrives from all of them, relative to the mean of their layers: what looking there is
     /// worth.
     pub fn worth(&self) -> f32 {
@@ -73,19 +73,19 @@ impl View {
     }
 }
 
-impl Reflectors {
+impl BrightSurfaces {
     /// The bright facets among the `sides` of all surfaces of the cache; `None` where little comes from them.
     pub fn new(
         geometry: &Geometry,
         map: &CacheMap,
         halves: &[CacheHalf; 2],
-        sides: &[Side],
-        part: Part,
+        sides: &[TriangleSide],
+        part: BrightLayers,
     ) -> Option<Self> {
-        let Part { layers, key, clusters } = part;
-        let bright = Facets::bright(geometry, map, halves, sides, layers.clone(), clusters)?;
-        let Facets { facets, up_to, clusters } = bright;
-        Some(Reflectors { layers, key, facets, up_to, clusters })
+        let BrightLayers { layers, key, clusters } = part;
+        let bright = BrightFacets::bright(geometry, map, halves, sides, layers.clone(), clusters)?;
+        let BrightFacets { facets, up_to, clusters } = bright;
+        Some(BrightSurfaces { layers, key, facets, up_to, clusters })
     }
 
     /// What of their light arrives around some receivers; the samples are those the receivers were chosen by.
@@ -95,26 +95,26 @@ impl Reflectors {
         space: &Space,
         receivers: &[(Receiver, Sample)],
         counts: &mut RayCounts,
-    ) -> Option<View> {
+    ) -> Option<BrightSurfaceView> {
         let is_free = |r: usize, direction: Vec3, distance: f32| {
             counts.reflector += 1;
             let at = &receivers[r].0;
-            !space.rays.occluded(at.origin, direction, distance * (1.0 - 1e-3), at.triangle)
+            !space.ray_tracer.occluded(at.origin, direction, distance * (1.0 - 1e-3), at.triangle)
         };
-        let places: Vec<(Vec3, Vec3)> = receivers.iter().map(|(r, _)| (r.origin, r.normal)).collect();
+        let points: Vec<(Vec3, Vec3)> = receivers.iter().map(|(r, _)| (r.origin, r.normal)).collect();
         let number = |r: usize, k: usize| receivers[r].1.number(dimension(k as u32));
-        self.view_from(&places, number, is_free)
+        self.view_from(&points, number, is_free)
     }
 
-    /// As [`Reflectors::view`], from places (origin, normal); `number` chooses a facet of the k-th cluster
-    /// for a place, and `is_free` tells whether nothing stands between a place and the point in a direction
-    /// at a distance.
+    /// As [`BrightSurfaces::view`], from places (origin, normal); `number` chooses a facet of the k-th
+    /// cluster for a place, and `is_free` tells whether nothing stands between a place and the point in a
+    /// direction at a distance.
     fn view_from(
         &self,
-        places: &[(Vec3, Vec3)],
+        points: &[(Vec3, Vec3)],
         number: impl Fn(usize, usize) -> f32,
         mut is_free: impl FnMut(usize, Vec3, f32) -> bool,
-    ) -> Option<View> {
+    ) -> Option<BrightSurfaceView> {
         /// Part of a cluster's light that is taken to arrive although no ray did.
         const HIDDEN: f32 = 0.05;
         /// Distances count for no less than this part of a cluster's size: one facet beside the receiver is
@@ -122,8 +122,8 @@ impl Reflectors {
         const NEAR2: f32 = 0.05;
         let mut arrives = vec![0f32; self.clusters.len()];
         for (k, cluster) in self.clusters.iter().enumerate() {
-            for (r, &(origin, normal)) in places.iter().enumerate() {
-                let facet = &self.facets[self.pick(cluster, number(r, k))];
+            for (r, &(origin, normal)) in points.iter().enumerate() {
+                let facet = &self.facets[self.facet_of_cluster(cluster, number(r, k))];
                 let (direction, distance) = (facet.middle - origin).normalize_and_length();
                 let (at, from) = (direction.dot(normal), -direction.dot(facet.normal));
                 if at <= 0.0 || from <= 0.0 {
@@ -149,7 +149,7 @@ impl Reflectors {
         if let Some(last) = up_to.last_mut() {
             *last = last.max(1.0);
         }
-        Some(View { up_to, arrives: total / places.len() as f32 })
+        Some(BrightSurfaceView { up_to, arrives: total / points.len() as f32 })
     }
 
     /// One sample of the light that they reflect to `at`: where from, from which side, and the irradiance at
@@ -159,7 +159,7 @@ impl Reflectors {
         &self,
         space: &Space,
         at: &Receiver,
-        view: &View,
+        view: &BrightSurfaceView,
         chance: f32,
         sample: Sample,
         counts: &mut RayCounts,
@@ -173,7 +173,7 @@ impl Reflectors {
             return None;
         }
         // (A hole of a cut-out reflects nothing.)
-        let FacetPoint { triangle, barycentric, is_back, .. } = point;
+        let BrightFacetPoint { triangle, barycentric, is_back, .. } = point;
         if !space.geometry.is_solid_at(triangle as usize, barycentric) {
             return None;
         }
@@ -185,8 +185,8 @@ impl Reflectors {
         }
         counts.reflector += 1;
         // The ray must not be stopped by the very surface it looks for.
-        let reach = space.rays.short_of(at.origin, direction, distance, triangle);
-        let through = space.rays.through(at.origin, direction, reach, at.triangle);
+        let reach = space.ray_tracer.distance_before(at.origin, direction, distance, triangle);
+        let through = space.ray_tracer.transmittance(at.origin, direction, reach, at.triangle);
         if through == Rgb::ZERO {
             return None;
         }
@@ -195,24 +195,24 @@ impl Reflectors {
     }
 
     /// A facet of a cluster, in proportion to power.
-    fn pick(&self, cluster: &Cluster, u: f32) -> usize {
+    fn facet_of_cluster(&self, cluster: &Cluster, u: f32) -> usize {
         let up_to = &self.up_to[cluster.first as usize..(cluster.first + cluster.count) as usize];
         let i = up_to.partition_point(|sum| *sum <= u).min(up_to.len() - 1);
         cluster.first as usize + i
     }
 
     /// A point in proportion to what arrives. `choice` chooses the facet, `u` the point on it.
-    fn sample(&self, view: &View, choice: f32, u: Vec2) -> Option<FacetPoint> {
+    fn sample(&self, view: &BrightSurfaceView, choice: f32, u: Vec2) -> Option<BrightFacetPoint> {
         let k = view.up_to.partition_point(|p| *p <= choice).min(view.up_to.len() - 1);
         let before = if k > 0 { view.up_to[k - 1] } else { 0.0 };
         let left = (choice - before) / (view.up_to[k] - before);
         if !(0.0..=1.0).contains(&left) {
             return None;
         }
-        let i = self.pick(&self.clusters[k], left);
+        let i = self.facet_of_cluster(&self.clusters[k], left);
         let facet = &self.facets[i];
         let fold = if u.x + u.y > 1.0 { Vec2::ONE - u } else { u };
-        Some(FacetPoint {
+        Some(BrightFacetPoint {
             triangle: facet.triangle,
             is_back: facet.is_back,
             barycentric: point_of(facet.along, facet.number, fold),
@@ -223,12 +223,12 @@ impl Reflectors {
     }
 
     /// The bright facets.
-    pub fn facets(&self) -> &[Facet] {
+    pub fn facets(&self) -> &[BrightFacet] {
         &self.facets
     }
 
     /// The density over area with which a look gives a point of a facet.
-    pub fn density(&self, view: &View, facet: usize) -> f32 {
+    pub fn density(&self, view: &BrightSurfaceView, facet: usize) -> f32 {
         let facet = &self.facets[facet];
         let k = facet.cluster as usize;
         let before = if k > 0 { view.up_to[k - 1] } else { 0.0 };
@@ -242,5 +242,5 @@ fn dimension(key: u32) -> u32 {
 }
 
 #[cfg(test)]
-#[path = "reflectors_tests.rs"]
+#[path = "bright_surfaces_tests.rs"]
 mod tests;

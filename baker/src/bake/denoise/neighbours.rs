@@ -19,30 +19,30 @@ pub const MAX_NEIGHBOURS: usize = 224;
 const PER_NORMAL: f32 = 8.0;
 /// Farthest a neighbour may lie off a texel's plane, in texels: the first, plus the second per texel of
 /// distance.
-const OFF_PLANE: [f32; 2] = [0.25, 0.125];
+const MOST_OFF_PLANE: [f32; 2] = [0.25, 0.125];
 /// Directions along the surface in which it is found out how far one can see.
 const SECTORS: usize = 16;
 /// Nothing in sight.
-const OPEN: [u8; SECTORS] = [u8::MAX; SECTORS];
+const UNBLOCKED: [u8; SECTORS] = [u8::MAX; SECTORS];
 /// Slope at which these rays rise off the surface, so that low bumps are no obstacles.
 const RISE: f32 = 1.0 / 32.0;
 /// Stored steps per texel of distance.
-const STEPS: f32 = 255.0 / REACH;
+const STEPS_PER_TEXEL: f32 = 255.0 / REACH;
 
 /// A texel in space.
 #[derive(Clone, Copy, Debug)]
-struct Place {
+struct TexelInSpace {
     position: Vec3,
     normal: Vec3,
     /// The length of a texel.
     size: f32,
     /// How far one sees along the surface, by sector.
-    sights: [u8; SECTORS],
+    free_distances: [u8; SECTORS],
 }
 
 /// The covered texels of a page in space. Invalid ones have no neighbours, and are neighbours of none.
-pub struct Places {
-    places: Vec<Place>,
+pub struct TexelsInSpace {
+    texels: Vec<TexelInSpace>,
     /// Valid texels, by the key of the box of space that holds them.
     sorted: Vec<(Key, u32)>,
 }
@@ -71,7 +71,7 @@ pub struct Neighbour {
     pub along: [f32; 2],
 }
 
-impl Places {
+impl TexelsInSpace {
     /// Finds the places of the texels of some blocks, of which some are `valid`.
     pub fn find(
         worker: &Worker,
@@ -81,48 +81,63 @@ impl Places {
     ) -> (Self, RayCounts) {
         let of_block = |(block, range): &(usize, Range<u32>)| {
             let (surface, mut counts) = (worker.surface(*block), RayCounts::default());
-            let place = |(i, texel): (u32, usize)| match valid(i as usize) {
-                true => place(worker, &surface, texel, texels[i as usize].probes, &mut counts),
+            let texel_in_space = |(i, texel): (u32, usize)| match valid(i as usize) {
+                true => texel_in_space(worker, &surface, texel, texels[i as usize].probes, &mut counts),
                 false => None,
             };
-            let places: Vec<Option<Place>> = range.clone().zip(surface.covered()).map(place).collect();
-            (places, counts)
+            let texels_in_space: Vec<Option<TexelInSpace>> =
+                range.clone().zip(surface.covered()).map(texel_in_space).collect();
+            (texels_in_space, counts)
         };
         let found: Vec<_> = blocks.par_iter().map(of_block).collect();
         let mut counts = RayCounts::default();
-        let mut places = Vec::with_capacity(texels.len());
+        let mut texels_in_space = Vec::with_capacity(texels.len());
         for (of_block, of_rays) in found {
-            places.extend(of_block);
+            texels_in_space.extend(of_block);
             counts += of_rays;
         }
-        (Self::new(places), counts)
+        (Self::new(texels_in_space), counts)
     }
 
-    fn new(places: Vec<Option<Place>>) -> Self {
-        let keys = places.iter().enumerate();
+    fn new(texels_in_space: Vec<Option<TexelInSpace>>) -> Self {
+        let keys = texels_in_space.iter().enumerate();
         let mut sorted: Vec<(Key, u32)> =
-            keys.filter_map(|(i, place)| Some((key(place.as_ref()?), i as u32))).collect();
+            keys.filter_map(|(i, texel_in_space)| Some((key(texel_in_space.as_ref()?), i as u32))).collect();
         sorted.par_sort_unstable();
-        let nowhere = Place { position: Vec3::ZERO, normal: Vec3::ZERO, size: 0.0, sights: [0; SECTORS] };
-        Places { places: places.into_iter().map(|place| place.unwrap_or(nowhere)).collect(), sorted }
+        let without_size = TexelInSpace {
+            position: Vec3::ZERO,
+            normal: Vec3::ZERO,
+            size: 0.0,
+            free_distances: [0; SECTORS],
+        };
+        TexelsInSpace {
+            texels: texels_in_space
+                .into_iter()
+                .map(|texel_in_space| texel_in_space.unwrap_or(without_size))
+                .collect(),
+            sorted,
+        }
     }
 
     /// The neighbours of a texel, itself first. An invalid texel has none.
     pub fn neighbours(&self, texel: u32, nearby: &mut Nearby, out: &mut Vec<Neighbour>) {
         out.clear();
-        let place = &self.places[texel as usize];
-        if place.size <= 0.0 {
+        let texel_in_space = &self.texels[texel as usize];
+        if texel_in_space.size <= 0.0 {
             return;
         }
-        let octave = octave(place);
-        let reach = REACH * place.size;
-        if nearby.octave != octave || place.position.distance(nearby.middle) + reach > nearby.radius {
-            self.gather(octave, place.position, 1.5 * reach, nearby);
+        let octave = octave(texel_in_space);
+        let reach = REACH * texel_in_space.size;
+        if nearby.octave != octave || texel_in_space.position.distance(nearby.middle) + reach > nearby.radius
+        {
+            self.gather(octave, texel_in_space.position, 1.5 * reach, nearby);
         }
-        let pair = place.normal.any_orthonormal_pair();
-        let near =
-            nearby.texels.iter().filter(|(at, _)| at.distance_squared(place.position) <= reach * reach);
-        out.extend(near.filter_map(|&(_, other)| self.neighbour(place, other, pair)));
+        let pair = texel_in_space.normal.any_orthonormal_pair();
+        let near = nearby
+            .texels
+            .iter()
+            .filter(|(at, _)| at.distance_squared(texel_in_space.position) <= reach * reach);
+        out.extend(near.filter_map(|&(_, other)| self.neighbour(texel_in_space, other, pair)));
         if out.len() > MAX_NEIGHBOURS {
             out.sort_unstable_by_key(|n| (n.texel != texel, n.squared.to_bits(), n.texel));
             out.truncate(MAX_NEIGHBOURS);
@@ -152,45 +167,57 @@ impl Places {
                 let [first, last] = [low.z, high.z].map(|z| pack(octave, IVec3::new(x, y, z)));
                 let from = of_octave.partition_point(|(key, _)| *key < first);
                 let boxes = of_octave[from..].iter().take_while(|(key, _)| *key <= last);
-                let place = |(_, texel): &(Key, u32)| (self.places[*texel as usize].position, *texel);
+                let texel_in_space =
+                    |(_, texel): &(Key, u32)| (self.texels[*texel as usize].position, *texel);
                 let is_near = |(at, _): &(Vec3, u32)| at.distance_squared(middle) <= radius * radius;
-                nearby.texels.extend(boxes.map(place).filter(is_near));
+                nearby.texels.extend(boxes.map(texel_in_space).filter(is_near));
             }
         }
     }
 
-    fn neighbour(&self, place: &Place, texel: u32, (tangent, bitangent): (Vec3, Vec3)) -> Option<Neighbour> {
-        let other = &self.places[texel as usize];
-        let way = (other.position - place.position) / place.size;
+    fn neighbour(
+        &self,
+        texel_in_space: &TexelInSpace,
+        texel: u32,
+        (tangent, bitangent): (Vec3, Vec3),
+    ) -> Option<Neighbour> {
+        let other = &self.texels[texel as usize];
+        let way = (other.position - texel_in_space.position) / texel_in_space.size;
         let distance2 = way.length_squared();
-        let squared = distance2 + PER_NORMAL * PER_NORMAL * other.normal.distance_squared(place.normal);
+        let squared =
+            distance2 + PER_NORMAL * PER_NORMAL * other.normal.distance_squared(texel_in_space.normal);
         if squared > REACH * REACH {
             return None;
         }
         let distance = distance2.sqrt();
-        let off = way.dot(place.normal).abs().max(way.dot(other.normal).abs());
-        let is_on_plane = off <= OFF_PLANE[0] + OFF_PLANE[1] * distance;
+        let off = way.dot(texel_in_space.normal).abs().max(way.dot(other.normal).abs());
+        let is_on_plane = off <= MOST_OFF_PLANE[0] + MOST_OFF_PLANE[1] * distance;
         let along = [way.dot(tangent), way.dot(bitangent)];
         let is_seen = || {
             let sees_back = || {
                 let (tangent, bitangent) = other.normal.any_orthonormal_pair();
-                other.sees(-way.dot(tangent), -way.dot(bitangent), distance * place.size / other.size)
+                other.sees(
+                    -way.dot(tangent),
+                    -way.dot(bitangent),
+                    distance * texel_in_space.size / other.size,
+                )
             };
-            place.sees(along[0], along[1], distance) && (other.sights == OPEN || sees_back())
+            texel_in_space.sees(along[0], along[1], distance)
+                && (other.free_distances == UNBLOCKED || sees_back())
         };
         (is_on_plane && (distance2 == 0.0 || is_seen())).then_some(Neighbour { texel, squared, along })
     }
 }
 
-impl Place {
+impl TexelInSpace {
     /// Whether nothing stands between it and what lies in this direction, at this distance in texels.
     fn sees(&self, along: f32, across: f32, distance: f32) -> bool {
-        if self.sights == OPEN {
+        if self.free_distances == UNBLOCKED {
             return true;
         }
         let sector = (turn(along, across) * (SECTORS / 4) as f32) as usize % SECTORS;
-        let steps = distance * STEPS;
-        [sector, (sector + 1) % SECTORS].into_iter().all(|s| steps <= f32::from(self.sights[s]))
+        let steps = distance * STEPS_PER_TEXEL;
+        [sector, (sector + 1) % SECTORS].into_iter().all(|s| steps <= f32::from(self.free_distances[s]))
     }
 }
 
@@ -223,8 +250,8 @@ fn box_side(octave: i16) -> f32 {
 }
 
 /// The octave of a texel's size.
-fn octave(place: &Place) -> i16 {
-    place.size.log2().floor().clamp(-100.0, 100.0) as i16
+fn octave(texel_in_space: &TexelInSpace) -> i16 {
+    texel_in_space.size.log2().floor().clamp(-100.0, 100.0) as i16
 }
 
 /// The least key of an octave.
@@ -238,19 +265,19 @@ fn pack(octave: i16, at: IVec3) -> Key {
     first_key(octave) | bits(at.x) << (2 * BITS) | bits(at.y) << BITS | bits(at.z)
 }
 
-fn key(place: &Place) -> Key {
-    let octave = octave(place);
-    pack(octave, (place.position / box_side(octave)).floor().as_ivec3())
+fn key(texel_in_space: &TexelInSpace) -> Key {
+    let octave = octave(texel_in_space);
+    pack(octave, (texel_in_space.position / box_side(octave)).floor().as_ivec3())
 }
 
 /// Where a texel lies: the mean of its probed points that are surface; none where that has no size.
-fn place(
+fn texel_in_space(
     worker: &Worker,
     surface: &BlockSurface,
     texel: usize,
     probes: u16,
     counts: &mut RayCounts,
-) -> Option<Place> {
+) -> Option<TexelInSpace> {
     let (atlas, space): (&Atlas, _) = (worker.atlas, &worker.transport.space);
     let at = |probe| space.receiver(&worker.probe_point(surface, texel, probe));
     let points: Vec<Receiver> = indices(probes).filter_map(at).collect();
@@ -264,16 +291,16 @@ fn place(
     let near = |r: &&Receiver| r.origin().distance_squared(position);
     let from = points.iter().min_by(|a, b| near(a).total_cmp(&near(b)))?;
     let (tangent, bitangent) = normal.any_orthonormal_pair();
-    let mut sights = OPEN;
-    for (sector, sight) in sights.iter_mut().enumerate() {
+    let mut free_distances = UNBLOCKED;
+    for (sector, free_distance) in free_distances.iter_mut().enumerate() {
         let aside = at_turn(4.0 * sector as f32 / SECTORS as f32);
         let direction = ((tangent * aside.x + bitangent * aside.y).normalize() + normal * RISE).normalize();
         counts.inside += 1;
         if let Some(free) = space.distance_to_obstacle(from, direction, REACH * size) {
-            *sight = (free / size * STEPS) as u8;
+            *free_distance = (free / size * STEPS_PER_TEXEL) as u8;
         }
     }
-    Some(Place { position, normal, size, sights })
+    Some(TexelInSpace { position, normal, size, free_distances })
 }
 
 #[cfg(test)]
@@ -282,23 +309,28 @@ pub mod tests {
 
     /// A floor of n × n texels of a decimetre, around the origin, with a wall that stands on it along x =
     /// 0.05.
-    pub fn floor(n: i32, walled: bool) -> Places {
-        let sight = |x: i32, aside: Vec2| {
+    pub fn floor(n: i32, walled: bool) -> TexelsInSpace {
+        let free_distance = |x: i32, aside: Vec2| {
             let distance = (0.5 - x as f32) / aside.normalize().x;
-            if walled && distance > 0.0 { (distance * STEPS).min(255.0) as u8 } else { u8::MAX }
+            if walled && distance > 0.0 { (distance * STEPS_PER_TEXEL).min(255.0) as u8 } else { u8::MAX }
         };
-        let place = |i: i32| {
+        let texel_in_space = |i: i32| {
             let (x, z) = (i % n - n / 2, i / n - n / 2);
             let normal = Vec3::Y;
             let (tangent, bitangent) = normal.any_orthonormal_pair();
-            let sights = std::array::from_fn(|s| {
+            let free_distances = std::array::from_fn(|s| {
                 let aside = at_turn(4.0 * s as f32 / SECTORS as f32);
                 let direction = tangent * aside.x + bitangent * aside.y;
-                sight(x, Vec2::new(direction.x, direction.z))
+                free_distance(x, Vec2::new(direction.x, direction.z))
             });
-            Some(Place { position: Vec3::new(x as f32, 0.0, z as f32) * 0.1, normal, size: 0.1, sights })
+            Some(TexelInSpace {
+                position: Vec3::new(x as f32, 0.0, z as f32) * 0.1,
+                normal,
+                size: 0.1,
+                free_distances,
+            })
         };
-        Places::new((0..n * n).map(place).collect())
+        TexelsInSpace::new((0..n * n).map(texel_in_space).collect())
     }
 
     #[test]
@@ -312,10 +344,10 @@ pub mod tests {
     #[test]
     fn neighbours_are_those_within_reach() {
         let n = 33;
-        let places = floor(n, false);
+        let texels_in_space = floor(n, false);
         let (mut nearby, mut found) = (Nearby::default(), Vec::new());
         for texel in 0..(n * n) as u32 {
-            places.neighbours(texel, &mut nearby, &mut found);
+            texels_in_space.neighbours(texel, &mut nearby, &mut found);
             let (x, z) = (texel as i32 % n, texel as i32 / n);
             let near = |i: &i32| (i % n - x).pow(2) + (i / n - z).pow(2) <= 64;
             let mut expected: Vec<u32> = (0..n * n).filter(near).map(|i| i as u32).collect();
@@ -332,10 +364,10 @@ pub mod tests {
     #[test]
     fn nothing_is_seen_through_a_wall() {
         let n = 33;
-        let places = floor(n, true);
+        let texels_in_space = floor(n, true);
         let (mut nearby, mut found) = (Nearby::default(), Vec::new());
         for texel in 0..(n * n) as u32 {
-            places.neighbours(texel, &mut nearby, &mut found);
+            texels_in_space.neighbours(texel, &mut nearby, &mut found);
             let side = |i: u32| i as i32 % n - n / 2 > 0;
             assert!(found.iter().all(|other| side(other.texel) == side(texel)));
             assert!(found.len() > 20, "{}", found.len());

@@ -1,7 +1,7 @@
 //! Tests of the ray tracer: against brute force, against closed forms, tier against tier.
 
 use super::super::bvh8::Tier;
-use super::super::sampler::{Kind, Sequence};
+use super::super::sampler::{Sequence, SequenceKind};
 use super::super::triangle::Shear;
 use super::*;
 use crate::geometry::Material;
@@ -56,7 +56,7 @@ fn wall(half_width: f32) -> Geometry {
 /// Triangles of many sizes and shapes, duplicates among them, and if asked for slivers and points.
 fn soup(n: u32, has_slivers: bool) -> Geometry {
     let mut g = Geometry::default();
-    let sequence = Sequence::new(3, Kind::Texel, 0, 0);
+    let sequence = Sequence::new(3, SequenceKind::Texel, 0, 0);
     for i in 0..n {
         let s = sequence.sample(i);
         let point = |k: u32| vec3(s.number(3 * k), s.number(3 * k + 1), s.number(3 * k + 2)) - 0.5;
@@ -80,7 +80,7 @@ fn soup(n: u32, has_slivers: bool) -> Geometry {
 
 /// Origin and unit direction of ray number `i` through about the middle of a scene of radius 2.
 fn random_ray(i: u32) -> (Vec3, Vec3) {
-    let s = Sequence::new(9, Kind::Texel, 0, 0).sample(i);
+    let s = Sequence::new(9, SequenceKind::Texel, 0, 0).sample(i);
     let point = |k: u32| vec3(s.number(3 * k), s.number(3 * k + 1), s.number(3 * k + 2)) - 0.5;
     let (origin, target) = (point(0) * 6.0, point(1) * 3.0);
     let mut direction = (target - origin).normalize();
@@ -105,9 +105,9 @@ struct Leaks {
 }
 
 /// Aims at vertices and edges of a closed mesh around `centre`.
-fn leaks(g: &Geometry, rays: &Rays, centre: Vec3, at_most: usize) -> Leaks {
+fn leaks(g: &Geometry, rays: &RayTracer, centre: Vec3, at_most: usize) -> Leaks {
     let mut found = Leaks::default();
-    let sequence = Sequence::new(1, Kind::Texel, 0, 0);
+    let sequence = Sequence::new(1, SequenceKind::Texel, 0, 0);
     let kinds = 6;
     let step = (g.triangles.len() * kinds).div_ceil(at_most).max(1);
     for (i, t) in g.triangles.iter().enumerate() {
@@ -158,7 +158,7 @@ fn no_ray_leaves_a_closed_sphere_through_its_edges() {
     for centre in [Vec3::ZERO, vec3(37.0, -12.0, 91.0)] {
         let g = sphere(48, centre);
         for backend in Backend::built() {
-            let rays = Rays::with_backend(&g, backend).expect("a built backend starts");
+            let rays = RayTracer::with_backend(&g, backend).expect("a built backend starts");
             let found = leaks(&g, &rays, centre, 60_000);
             assert!(found.at_edges + found.at_vertices > 50_000, "{found:?}");
             expect_closed(backend, &found);
@@ -174,7 +174,7 @@ fn no_ray_leaves_a_finely_tessellated_sphere() {
     let at_most = if cfg!(debug_assertions) { 50_000 } else { 600_000 };
     assert!(g.triangles.len() > 190_000);
     for backend in Backend::built() {
-        let rays = Rays::with_backend(&g, backend).expect("a built backend starts");
+        let rays = RayTracer::with_backend(&g, backend).expect("a built backend starts");
         let found = leaks(&g, &rays, centre, at_most);
         println!("{backend}: {found:?}");
         expect_closed(backend, &found);
@@ -187,7 +187,7 @@ fn brute(g: &Geometry, origin: Vec3, direction: Vec3, from: u32) -> Option<(u32,
     let mut best: Option<(u32, f64)> = None;
     for t in (0..g.triangles.len() as u32).filter(|&t| t != from) {
         let t_max = best.map_or(f64::INFINITY, |(_, t)| t);
-        if let Some(m) = shear.meet(&g.corners(t as usize), t_max) {
+        if let Some(m) = shear.intersect(&g.corners(t as usize), t_max) {
             best = Some((t, m.t));
         }
     }
@@ -201,7 +201,7 @@ fn every_tier_finds_exactly_what_brute_force_finds() {
         let bvh = Bvh8::new(g);
         let mut hits = 0;
         for tier in Tier::ALL {
-            let rays = Rays::with_hierarchy(g, bvh.clone().with_tier(tier));
+            let rays = RayTracer::with_hierarchy(g, bvh.clone().with_tier(tier));
             for i in 0..3000 {
                 let (origin, direction) = random_ray(i);
                 let first = brute(g, origin, direction, u32::MAX);
@@ -227,8 +227,8 @@ fn long_walls_are_seen_where_they_stand() {
     // km.)
     for half_width in [2e2, 2e3, 2e4] {
         let g = wall(half_width);
-        let rays = Rays::new(&g);
-        let sequence = Sequence::new(5, Kind::Texel, 0, 0);
+        let rays = RayTracer::new(&g);
+        let sequence = Sequence::new(5, SequenceKind::Texel, 0, 0);
         let (n, mut inside) = (20_000, 0);
         for i in 0..n {
             // Directions towards the wall, most of them grazing along it.
@@ -262,7 +262,7 @@ fn edges_on_the_coordinate_planes_do_not_leak() {
     }
     let g = finish(g);
     for tier in Tier::ALL {
-        let rays = Rays::with_hierarchy(&g, Bvh8::new(&g).with_tier(tier));
+        let rays = RayTracer::with_hierarchy(&g, Bvh8::new(&g).with_tier(tier));
         for i in 0..49 {
             let point = vec3((i % 7) as f32 - 3.0, 0.0, (i / 7) as f32 - 3.0);
             for offset in [Vec3::Y, vec3(0.0, 1.0, 2.5), vec3(-0.25, 2.0, 0.0), vec3(1.0, 1e-3, 0.0)] {
@@ -286,7 +286,7 @@ fn copies_and_empty_triangles_are_harmless() {
     g.triangles.extend([[0, 1, 2]; 50_000]);
     g.triangles.extend([[0, 3, 4]; 20_000]);
     let g = finish(g);
-    let rays = Rays::new(&g);
+    let rays = RayTracer::new(&g);
     let hit = rays.nearest(vec3(0.2, 0.2, 1.0), Vec3::NEG_Z, u32::MAX).unwrap();
     assert_eq!((hit.triangle, hit.t), (30_000, 1.0));
     let hit = rays.nearest(vec3(0.9, 0.9, -1.0), Vec3::Z, 80_000).unwrap();
@@ -298,7 +298,7 @@ fn copies_and_empty_triangles_are_harmless() {
 fn a_ray_that_is_no_ray_hits_nothing() {
     let g = sphere(6, Vec3::ZERO);
     for backend in Backend::built() {
-        let rays = Rays::with_backend(&g, backend).expect("a built backend starts");
+        let rays = RayTracer::with_backend(&g, backend).expect("a built backend starts");
         for (origin, direction) in [
             (Vec3::ZERO, Vec3::ZERO),
             (Vec3::NAN, Vec3::X),
@@ -320,9 +320,9 @@ fn offset_points_do_not_meet_their_own_plane() {
     // the way.
     let g = wall(50.0);
     for backend in Backend::built() {
-        let rays = Rays::with_backend(&g, backend).expect("a built backend starts");
+        let rays = RayTracer::with_backend(&g, backend).expect("a built backend starts");
         for i in 0..2000 {
-            let u: Vec2 = Sequence::new(2, Kind::Texel, 0, 0).sample(i).pair(0);
+            let u: Vec2 = Sequence::new(2, SequenceKind::Texel, 0, 0).sample(i).pair(0);
             let b = vec3(1.0 - u.x.max(u.y), (u.x - u.y).abs(), u.x.min(u.y));
             let origin = offset_point(&g.corners(0), b, Vec3::Z);
             let direction = vec3(u.y - 0.5, u.x - 0.5, 1e-3).normalize();
@@ -338,19 +338,19 @@ mod embree {
     #[test]
     fn both_backends_see_the_same() {
         let g = soup(20_000, false);
-        let own = Rays::new(&g);
-        let embree = Rays::with_backend(&g, Backend::Embree).unwrap();
+        let own = RayTracer::new(&g);
+        let embree = RayTracer::with_backend(&g, Backend::Embree).unwrap();
         let (n, mut hits, mut apart, mut shadows_apart) = (200_000, 0, 0, 0);
         for i in 0..n {
             let (origin, direction) = random_ray(i);
             let from = own.nearest(origin, direction, u32::MAX).map_or(u32::MAX, |h| h.triangle);
             let from = if i % 2 == 0 { from } else { u32::MAX };
-            let distance = |rays: &Rays| rays.nearest(origin, direction, from).map_or(1e9, |h| h.t);
+            let distance = |rays: &RayTracer| rays.nearest(origin, direction, from).map_or(1e9, |h| h.t);
             let (a, b) = (distance(&own), distance(&embree));
             hits += u32::from(a < 1e9);
             // (Embree's distances carry rounding of the corners' distance, some 10⁻⁶ m here.)
             apart += u32::from((a - b).abs() > 1e-5 * (a + 1.0));
-            let stops = |rays: &Rays| rays.occluded(origin, direction, 1.5, from);
+            let stops = |rays: &RayTracer| rays.occluded(origin, direction, 1.5, from);
             shadows_apart += u32::from(stops(&own) != stops(&embree));
         }
         // They may differ where a ray passes an edge within single precision's rounding (10⁻⁷ of the
@@ -367,6 +367,6 @@ mod embree {
 #[test]
 fn embree_without_the_feature_says_how_to_get_it() {
     let g = sphere(3, Vec3::ZERO);
-    let error = Rays::with_backend(&g, Backend::Embree).err().expect("not built").to_string();
+    let error = RayTracer::with_backend(&g, Backend::Embree).err().expect("not built").to_string();
     assert!(error.contains("--features embree") && error.contains("fetch-embree"), "{error}");
 }

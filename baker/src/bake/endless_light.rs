@@ -3,29 +3,29 @@
 
 use crate::atlas::Atlas;
 use crate::geometry::Geometry;
-use crate::trace::endless::Endless;
+use crate::trace::endless_path::EndlessPath;
 use crate::trace::path::Transport;
-use crate::trace::sampler::{Kind, Sequence};
+use crate::trace::sampler::{Sequence, SequenceKind};
 use crate::{Error, Result};
 use rayon::prelude::*;
 
 /// Surfaces that reflect less than this end any path within a few thousand bounces.
-const NEARLY_ALL: f32 = 0.999;
+const REFLECTS_NEARLY_ALL: f32 = 0.999;
 /// Paths that are followed from all over the atlas.
 const PATHS: u32 = 1 << 14;
 /// So many of them without end are no chance.
-const ENOUGH: usize = 4;
+const ENOUGH_PATHS: usize = 4;
 /// Most triangles of bright surfaces that a path is followed from.
 const MOST_TRIANGLES: usize = 1 << 15;
 /// Paths that are followed from one of them where the first had no end. Half of them tell a closed space from
 /// a long way out.
-const AGAIN: u32 = 16;
+const PATHS_AGAIN: u32 = 16;
 /// Most names that the error lists.
 const MOST_NAMED: usize = 5;
 
 /// The error of light that nothing absorbs, with all surfaces that may reflect it.
 pub fn error(geometry: &Geometry) -> Error {
-    error_of(&geometry.reflecting(NEARLY_ALL))
+    error_of(&geometry.reflecting(REFLECTS_NEARLY_ALL))
 }
 
 /// The error of light that nothing absorbs, with the names of the surfaces that reflect it.
@@ -34,7 +34,7 @@ fn error_of(names: &[&str]) -> Error {
         "scene",
         format!(
             "light grows without end: surfaces of a closed space reflect all of it (albedo 1), or nearly: {}; expected less than \
-             {NEARLY_ALL}; set `albedo` of the object or part, or a lower `albedo_max` in [bake]",
+             {REFLECTS_NEARLY_ALL}; set `albedo` of the object or part, or a lower `albedo_max` in [bake]",
             listed(names)
         ),
     )
@@ -57,35 +57,35 @@ fn listed(names: &[&str]) -> String {
 /// Those paths' surfaces, by name.
 pub fn refuse(transport: &Transport, atlas: &Atlas, seed: u64) -> Result<Option<String>> {
     let geometry = transport.space.geometry;
-    let names = geometry.reflecting(NEARLY_ALL);
+    let names = geometry.reflecting(REFLECTS_NEARLY_ALL);
     if names.is_empty() {
         return Ok(None);
     }
-    let bright = |met: &[u32]| {
-        let of_path = geometry.names_of(met);
+    let bright = |triangles: &[u32]| {
+        let of_path = geometry.names_of(triangles);
         let bright: Vec<&str> = of_path.into_iter().filter(|name| names.contains(name)).collect();
         if bright.is_empty() { names.clone() } else { bright }
     };
     let found = anywhere(transport, atlas, seed);
-    let met = |is_lit: bool| -> Option<Vec<u32>> {
+    let triangles = |is_lit: bool| -> Option<Vec<u32>> {
         let paths: Vec<&[u32]> =
             found.iter().filter(|path| path.is_lit == is_lit).map(|path| &path.triangles[..]).collect();
-        (paths.len() >= ENOUGH).then(|| paths.concat())
+        (paths.len() >= ENOUGH_PATHS).then(|| paths.concat())
     };
-    if let Some(met) = met(true).or_else(|| in_a_pocket(transport, seed)) {
-        return Err(error_of(&bright(&met)));
+    if let Some(triangles) = triangles(true).or_else(|| in_closed_cavity(transport, seed)) {
+        return Err(error_of(&bright(&triangles)));
     }
-    Ok(met(false).map(|met| {
+    Ok(triangles(false).map(|triangles| {
         format!(
             "paths go on for thousands of bounces in dark closed spaces whose surfaces reflect all light (albedo 1), or nearly, which takes \
-             time: {}; set `albedo` of the object or part below {NEARLY_ALL}, or a lower `albedo_max` in [bake]",
-            listed(&bright(&met))
+             time: {}; set `albedo` of the object or part below {REFLECTS_NEARLY_ALL}, or a lower `albedo_max` in [bake]",
+            listed(&bright(&triangles))
         )
     }))
 }
 
 /// The paths without end among those that start all over the atlas, by area.
-fn anywhere(transport: &Transport, atlas: &Atlas, seed: u64) -> Vec<Endless> {
+fn anywhere(transport: &Transport, atlas: &Atlas, seed: u64) -> Vec<EndlessPath> {
     let geometry = transport.space.geometry;
     let mut sum = 0.0;
     let areas: Vec<f64> = atlas
@@ -97,7 +97,7 @@ fn anywhere(transport: &Transport, atlas: &Atlas, seed: u64) -> Vec<Endless> {
         })
         .collect();
     let endless = |path: u32| {
-        let sequence = Sequence::new(seed, Kind::PlanRay, path, 1);
+        let sequence = Sequence::new(seed, SequenceKind::PlanRay, path, 1);
         let target = (f64::from(path) + 0.5) / f64::from(PATHS) * sum;
         let face = atlas.faces.get(areas.partition_point(|&area| area <= target).min(areas.len() - 1))?;
         transport.endless_path(face.triangle, false, sequence, true)
@@ -107,10 +107,10 @@ fn anywhere(transport: &Transport, atlas: &Atlas, seed: u64) -> Vec<Endless> {
 
 /// Triangles that paths without end met, where at least half of those from one bright triangle have none. A
 /// small closed space, in which hardly any path that starts by area begins, is found so.
-fn in_a_pocket(transport: &Transport, seed: u64) -> Option<Vec<u32>> {
+fn in_closed_cavity(transport: &Transport, seed: u64) -> Option<Vec<u32>> {
     let geometry = transport.space.geometry;
     let is_bright: Vec<bool> =
-        (0..geometry.materials.len()).map(|m| geometry.reflects_at_most(m) >= NEARLY_ALL).collect();
+        (0..geometry.materials.len()).map(|m| geometry.reflects_at_most(m) >= REFLECTS_NEARLY_ALL).collect();
     let bright: Vec<u32> = (0..geometry.triangles.len() as u32)
         .filter(|&triangle| is_bright[geometry.material_of[triangle as usize] as usize])
         .collect();
@@ -121,13 +121,13 @@ fn in_a_pocket(transport: &Transport, seed: u64) -> Option<Vec<u32>> {
         sides.iter().find_map(|&is_back| {
             let path = |number: u32| {
                 let sequence =
-                    Sequence::new(seed, Kind::PlanRay, triangle, 2 + 2 * number + u32::from(is_back));
+                    Sequence::new(seed, SequenceKind::PlanRay, triangle, 2 + 2 * number + u32::from(is_back));
                 let endless = transport.endless_path(triangle, is_back, sequence, false)?;
                 endless.is_lit.then_some(endless.triangles)
             };
             path(0)?;
-            let again: Vec<Vec<u32>> = (1..=AGAIN).filter_map(path).collect();
-            (2 * again.len() as u32 >= AGAIN).then(|| again.concat())
+            let again: Vec<Vec<u32>> = (1..=PATHS_AGAIN).filter_map(path).collect();
+            (2 * again.len() as u32 >= PATHS_AGAIN).then(|| again.concat())
         })
     })
 }
