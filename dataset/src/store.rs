@@ -2,8 +2,8 @@
 
 use crate::config::version1::Config1;
 use crate::config::{Config, FileRef, Light, Noise, VERSION};
-use crate::console::count;
 use crate::image::{self, Image, Mask};
+use crate::observe::count;
 use crate::tiles::{TILE, grid};
 use crate::{Error, Result, files};
 use std::collections::{BTreeMap, BTreeSet};

@@ -15,7 +15,7 @@ use crate::surface::BlockSurface;
 use crate::trace::counts::RayCounts;
 use crate::trace::path::sun_sample;
 use crate::trace::subset::ALL_UP_TO;
-use dataset::console::interrupted;
+use dataset::signals::interrupted;
 use rayon::prelude::*;
 
 /// Pilot samples of each texel and light.

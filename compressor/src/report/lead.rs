@@ -5,7 +5,7 @@ use crate::Result;
 use crate::compress::Outcome;
 use crate::decode::{Decoder, Lights};
 use crate::evaluate::{Evaluation, Quality, cell, decode, read, reference_law};
-use dataset::console::count;
+use dataset::observe::count;
 use dataset::report::Section;
 use dataset::report::scene::{PICTURE, remark as of_view, shown_frames};
 use dataset::store::Dataset;

@@ -5,10 +5,9 @@ use super::plan::{Lightmap, Parts, Planned};
 use super::raw::{self, light_bytes, mask_bytes};
 use super::{layout1, layout2};
 use crate::config::{FileRef, Layer, Layout, Light};
-use crate::console::count;
 use crate::files::{NewFolder, write_atomically};
 use crate::image::add;
-use crate::observe::{Meter, Observer};
+use crate::observe::{Meter, Observer, count};
 use crate::store::{Dataset, MANIFEST};
 use crate::{Error, Result};
 use rayon::prelude::*;
@@ -158,7 +157,7 @@ fn check_contents(dataset: &Dataset, hours: &[f64], layout: Layout) -> Result<()
     let mut seen = BTreeSet::new();
     files.retain(|file| seen.insert(&file.path));
     files.par_iter().try_for_each(|file| {
-        crate::console::stop_if_interrupted()?;
+        crate::signals::stop_if_interrupted()?;
         dataset.check_content(file)
     })
 }

@@ -1,6 +1,6 @@
 //! The files of a layout by its configuration, for import and export.
 
-use crate::console::count;
+use crate::observe::count;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};

@@ -4,8 +4,8 @@
 use super::MAX_TEXT_BYTES;
 use super::sums::Summed;
 use crate::config::FileRef;
-use crate::console::stop_if_interrupted;
 use crate::observe::Meter;
+use crate::signals::stop_if_interrupted;
 use crate::store::is_component;
 use crate::{Error, Result};
 use std::collections::BTreeMap;

@@ -2,7 +2,7 @@
 
 use super::{Archive, LAYERS, READER, SUMS};
 use crate::config::Config;
-use crate::console::count;
+use crate::observe::count;
 use std::fmt::Write;
 
 /// The datasheet's content besides the manifest: names and lengths of the files.

@@ -1,8 +1,8 @@
 //! What every consumer of a manifest relies on.
 
 use crate::config::{Config, FORMAT, FileRef, Layer, Page, SunVisibility, VERSION};
-use crate::console::count;
 use crate::image::MAX_SIDE;
+use crate::observe::count;
 use crate::{Error, Result};
 use std::collections::BTreeSet;
 use std::fs;

@@ -4,7 +4,7 @@ use super::super::table::Comparison;
 use super::FRAMES;
 use super::results::{Rendered, Seen, short, size};
 use crate::mean::mean;
-use dataset::console::count;
+use dataset::observe::count;
 use dataset::report::plot::Plot;
 use dataset::report::{Report, Section};
 

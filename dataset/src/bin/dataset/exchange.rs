@@ -2,8 +2,9 @@
 
 use clap::{Args, ValueEnum};
 use dataset::config::Layout;
-use dataset::console::{Console, count};
+use dataset::console::Console;
 use dataset::exchange::{Origin, export, import};
+use dataset::observe::count;
 use dataset::store::Dataset;
 use dataset::{Error, Result};
 use serde_json::json;

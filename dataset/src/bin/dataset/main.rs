@@ -7,9 +7,9 @@ mod release;
 
 use clap::{Parser, Subcommand};
 use dataset::config::{Config, Daylight, Layer};
-use dataset::console::{Console, ConsoleArgs, catch_interrupts, count, fail};
+use dataset::console::{Console, ConsoleArgs, catch_interrupts, fail};
 use dataset::exchange::lightmaps_of;
-use dataset::observe::Meter;
+use dataset::observe::{Meter, count};
 use dataset::store::{Dataset, Verification};
 use dataset::visibility::Visibility;
 use dataset::{Error, Result};
@@ -337,7 +337,7 @@ fn check(console: &Console, folder: &Path) -> Result<ExitCode> {
         }
         Err(error) => return Err(error),
     };
-    if dataset::console::interrupted() {
+    if dataset::signals::interrupted() {
         return Err(Error::Interrupted);
     }
     for fault in &verification.faults {
