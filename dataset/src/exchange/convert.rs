@@ -66,7 +66,7 @@ pub(super) fn convert(
             }
         }
     }
-    let layout = incoming.layout;
+    let layout = incoming.layout.to_owned();
     let reported = incoming.config.as_ref();
     let reported = reported.map(|bytes| writer.add("source", "json", bytes)).transpose()?;
     let config = Config {

@@ -1,14 +1,13 @@
 //! Raw texels in one file or several equal ones that lie below each other: row by row from the top, no
 //! header.
 
+use crate::layout::LIGHT_BYTES;
 use crate::observe::count;
 use crate::{Error, Result};
 use std::fs::File;
 use std::io::{BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-/// Bytes of a texel of light: three float32, little-endian.
-pub(super) const LIGHT_BYTES: usize = 12;
 /// The byte of a texel on a surface, 127.
 const VALID: u8 = 127;
 /// The byte of any other texel, −1.

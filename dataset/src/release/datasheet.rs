@@ -117,7 +117,7 @@ fn how_made(text: &mut String, config: &Config) {
         Some(source) => writeln!(
             text,
             "Imported from the layout {} by {}. Unit: {}. {} outside the masks were negative or not finite and are 0.",
-            source.layout.name(),
+            source.layout,
             plain(&config.generator),
             plain(&config.unit),
             count(source.replaced_values as usize, "value")

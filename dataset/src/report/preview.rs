@@ -153,7 +153,7 @@ fn summary(config: &Config, masks: &[Mask]) -> Vec<Vec<String>> {
     }
     rows.push(match &config.source {
         None => row("Samples per texel", config.samples.to_string()),
-        Some(source) => row("Imported from the layout", source.layout.name().to_owned()),
+        Some(source) => row("Imported from the layout", source.layout.clone()),
     });
     rows.push(row("Unit", config.unit.clone()));
     let errors = config.frames.iter().filter_map(|frame| Some((frame.relative_error?, frame.hour)));

@@ -190,7 +190,7 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
             config.scene, config.generator, config.seed, dataset.version
         )),
         Some(source) => {
-            let (by, layout) = (&config.generator, source.layout.name());
+            let (by, layout) = (&config.generator, &source.layout);
             console.print(format!("{}: imported from the layout {layout} by {by}", config.scene));
             if source.replaced_values > 0 {
                 let replaced = count(source.replaced_values as usize, "value");
@@ -294,7 +294,7 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
             "bytes": bytes,
         })),
         "source": config.source.as_ref().map(|source| json!({
-            "layout": source.layout.name(),
+            "layout": source.layout,
             "replaced_values": source.replaced_values,
             "lightmaps": lightmaps.unwrap_or_default().iter()
                 .map(|lightmap| json!({ "id": lightmap.id, "level": lightmap.level }))
