@@ -26,7 +26,7 @@ pub mod exchange;
 pub mod metrics;
 pub mod tone;
 pub mod view;
-pub mod report;
+pub mod preview;
 pub mod release;
 
 pub use error::{Error, Result};

@@ -9,7 +9,7 @@ use crate::exchange::export;
 use crate::files::{NewFolder, remove_folder, write_atomically, write_atomically_with};
 use crate::layout::Layout;
 use crate::observe::{Meter, Observer};
-use crate::report::preview::pictures;
+use crate::preview::pictures;
 use crate::signals::stop_if_interrupted;
 use crate::store::{self, Dataset};
 use crate::{Error, Result};
