@@ -13,7 +13,6 @@ pub mod trace;
 pub mod bake;
 pub mod preview;
 pub mod starter;
-pub mod report;
 
 pub use dataset::{Error, Result};
 

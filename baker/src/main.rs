@@ -1,5 +1,7 @@
 //! `bake`: from a scene file to a dataset of temporal lightmaps, and with `--compress` on to a bundle.
 
+mod report;
+
 use baker::bake::charts::Charts;
 use baker::bake::disk_space::{DiskSpace, in_words as bytes};
 use baker::bake::existing::{REPORT, replacement_note};
@@ -17,14 +19,15 @@ use baker::preview::run::preview;
 use baker::starter;
 use baker::trace::backend::Backend;
 use clap::{Parser, Subcommand};
+use commands::report::{self as page, Report, Section};
+use commands::typed;
 use compressor::bundle::Bundle;
 use compressor::compress::{DRAFT, MEDIUM, Options as CompressOptions, default_bundle, light_of};
 use compressor::run::compress_and_judge;
 use compressor::view::write_into_dataset;
-use dataset::console::{self, Console, ConsoleArgs, count};
-use dataset::report::{self, Report, Section};
+use dataset::console::{self, Console, ConsoleArgs};
+use dataset::observe::count;
 use dataset::store::Dataset;
-use dataset::typed;
 use dataset::{Error, Result};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -268,12 +271,12 @@ fn run(args: &Args, console: &Console) -> Result<()> {
         }
         judged.sections.into_iter().for_each(|section| report.push(section));
     } else if !outcome.up_to_date || !outcome.dataset.join(REPORT).exists() {
-        report::scene::section(&dataset)?.into_iter().for_each(|section| report.lead(section));
+        page::scene::section(&dataset)?.into_iter().for_each(|section| report.lead(section));
     }
     // With the compression's summary on top, the other sections start collapsed.
     let fold = |section: Section| if args.compress { section.folded() } else { section };
-    report.push(fold(report::preview::section(&dataset)?));
-    report.push(fold(baker::report::section(&outcome, &dataset)?));
+    report.push(fold(page::preview::section(&dataset)?));
+    report.push(fold(report::section(&outcome, &dataset)?));
     let path = outcome.dataset.join(REPORT);
     // Nothing new: a report that stands there may tell more, of the compressor too.
     if args.compress || !outcome.up_to_date || !path.exists() {
@@ -472,7 +475,7 @@ fn say(outcome: &Outcome, is_checked: bool, target: Option<f64>, console: &Conso
                 worst.estimated_error * 100.0,
                 worst.reference_noise * 100.0
             ));
-            console.say(format!("  {}", baker::report::worst_eighth(outcome, check)));
+            console.say(format!("  {}", report::worst_eighth(outcome, check)));
         } else {
             console.say("  measured error: no difference beyond the measurement's own noise; the report lists all times");
         }

@@ -1,16 +1,16 @@
 //! The bake's part of a report: error against run time, what was done, what was skipped.
 
-use crate::Result;
-use crate::bake::check::{Check, FrameCheck};
-use crate::bake::existing::ERRORS;
-use crate::bake::local::{LEAST_IRRADIANCE, LocalErrorSummary, PICTURE_STEP, VISIBLE_PART};
-use crate::bake::run::{Integrator, Outcome};
-use crate::bake::state::CELL;
-use dataset::console::count;
+use baker::Result;
+use baker::bake::check::{Check, FrameCheck};
+use baker::bake::existing::ERRORS;
+use baker::bake::local::{LEAST_IRRADIANCE, LocalErrorSummary, PICTURE_STEP, VISIBLE_PART};
+use baker::bake::run::{Integrator, Outcome};
+use baker::bake::state::CELL;
+use commands::report::Section;
+use commands::report::plot::Plot;
+use commands::report::scene::PICTURE;
 use dataset::image::Image;
-use dataset::report::Section;
-use dataset::report::plot::Plot;
-use dataset::report::scene::PICTURE;
+use dataset::observe::count;
 use dataset::store::Dataset;
 use dataset::view::View;
 

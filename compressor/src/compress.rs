@@ -25,9 +25,8 @@ pub(crate) use tiles::{of_tile, seed};
 
 use crate::bundle::{self, Header};
 use crate::{Error, Result, of_bundle};
-use dataset::console::count;
 use dataset::files::{expect_writable, sync_folder_of, write_atomically};
-use dataset::observe::Observer;
+use dataset::observe::{Observer, count};
 use dataset::store::Dataset;
 use existing::is_alike;
 use job::{Job, header};

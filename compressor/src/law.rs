@@ -9,9 +9,9 @@ use crate::model::Knot;
 use crate::time::{TimePoint, Timeline};
 use crate::{Error, Result};
 use dataset::config::{Config, FileRef, Layer, Light, Part};
-use dataset::console::stop_if_interrupted;
 use dataset::curve::Curve;
 use dataset::image::Mask;
+use dataset::signals::stop_if_interrupted;
 use dataset::store::Dataset;
 use std::collections::BTreeMap;
 

@@ -9,11 +9,11 @@ use crate::compress::{Outcome, TileOutcome};
 use crate::decode::{Decoder, Lights};
 use crate::evaluate::{COLUMNS, Evaluation, cell, decode, read, reference_law, strips, valid};
 use crate::mean::mean;
+use commands::report::Section;
+use commands::report::plot::Plot;
+use commands::report::scene::shown_frames;
 use dataset::image::Image;
-use dataset::report::Section;
-use dataset::report::plot::Plot;
-use dataset::report::preview::{Reduction, exposure, tone_mapped_png};
-use dataset::report::scene::shown_frames;
+use dataset::preview::{Reduction, exposure, tone_mapped_png};
 use dataset::store::Dataset;
 use std::collections::BTreeMap;
 

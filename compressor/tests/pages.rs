@@ -3,6 +3,7 @@
 
 mod common;
 
+use commands::report::preview;
 use common::{HOURS, islands, lamp_is_on};
 use compressor::bundle::Bundle;
 use compressor::compress::Options;
@@ -13,7 +14,6 @@ use dataset::config::{
 };
 use dataset::console::Console;
 use dataset::image::{Image, Mask};
-use dataset::report::preview;
 use dataset::store::{Dataset, Writer};
 use std::path::Path;
 use std::process::Command;

@@ -156,37 +156,15 @@ pub struct TransferLight {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Source {
-    /// The layout that was read.
-    pub layout: Layout,
+    /// What was read: the name of a [`crate::layout::Layout`], or [`crate::layout::EXR`].
+    #[serde(deserialize_with = "crate::layout::read_name")]
+    pub layout: String,
     /// Its configuration file as it was, where the layout has one: it names the lightmaps, and an export to
     /// the same layout writes it again.
     #[serde(deserialize_with = "Option::deserialize")]
     pub config: Option<FileRef>,
     /// Values outside the masks that were negative or not finite, and are 0 here.
     pub replaced_values: u64,
-}
-
-/// A layout in which datasets are exchanged.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Layout {
-    /// Folders by light type; see [`crate::exchange::layout1`].
-    Hprc1,
-    /// `config.json` and `Data/`; see [`crate::exchange::layout2`].
-    Hprc2,
-    /// One EXR file per time and page.
-    Exr,
-}
-
-impl Layout {
-    /// As in the manifest and on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Layout::Hprc1 => "hprc1",
-            Layout::Hprc2 => "hprc2",
-            Layout::Exr => "exr",
-        }
-    }
 }
 
 /// The kind of a page.

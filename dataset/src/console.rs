@@ -8,8 +8,6 @@ use std::process::ExitCode;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-pub use crate::signals::{INTERRUPTED, interrupted, stop_if_interrupted};
-
 /// Options every command takes.
 #[derive(Clone, Copy, Debug, Default, clap::Args)]
 pub struct ConsoleArgs {
@@ -28,11 +26,6 @@ pub struct ConsoleArgs {
 fn parse_threads(text: &str) -> Result<u16, String> {
     let threads = text.parse().ok().filter(|threads| (1..=1024).contains(threads));
     threads.ok_or_else(|| "expected a number of threads from 1 to 1024".to_owned())
-}
-
-/// A number with its noun: `1 frame`, `2 frames`.
-pub fn count(n: usize, what: &str) -> String {
-    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 
 /// Messages and progress on stderr; silent with `--quiet`.
@@ -273,11 +266,6 @@ mod tests {
         progress.next_line = Some(Mutex::new(now));
         progress.advance(1);
         assert!(due(&progress) >= now + LINE_INTERVAL);
-    }
-
-    #[test]
-    fn one_is_no_plural() {
-        assert_eq!([0, 1, 2].map(|n| count(n, "frame")), ["0 frames", "1 frame", "2 frames"]);
     }
 
     #[test]

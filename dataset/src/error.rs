@@ -71,6 +71,19 @@ impl Error {
         move |source| Error::Io { path: path.to_owned(), source }
     }
 
+    /// Wraps a syntax or type error of a JSON file with its line.
+    pub(crate) fn json(path: &Path) -> impl FnOnce(serde_json::Error) -> Self + '_ {
+        move |error| match error.line() {
+            0 => Error::invalid(path.display(), error),
+            line => {
+                let text = error.to_string();
+                // The place names the line already.
+                let what = text.rsplit_once(" at line ").map_or(text.as_str(), |(what, _)| what);
+                Error::invalid(format!("{}:{line}", path.display()), what)
+            }
+        }
+    }
+
     /// The exit code of a command that failed with this error: [`TRY_AGAIN`] if the same command can succeed
     /// later (a busy folder, missing parts, a full disk, an unavailable file server), 1 if it cannot, 128 +
     /// the signal's number if a signal ended it.

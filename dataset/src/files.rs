@@ -279,6 +279,11 @@ fn folder_of(path: &Path) -> Option<&Path> {
     }
 }
 
+/// Whether a name is one plain component of a path on every system.
+pub(crate) fn is_component(name: &str) -> bool {
+    !name.is_empty() && name != "." && name != ".." && !name.contains(['/', '\\', ':', '\0'])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

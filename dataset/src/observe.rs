@@ -99,3 +99,18 @@ impl<M: Meter + ?Sized> Meter for Box<M> {
         (**self).note(text);
     }
 }
+
+/// A number with its noun: `1 frame`, `2 frames`.
+pub fn count(n: usize, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_is_no_plural() {
+        assert_eq!([0, 1, 2].map(|n| count(n, "frame")), ["0 frames", "1 frame", "2 frames"]);
+    }
+}

@@ -2,8 +2,9 @@
 
 use crate::config::version1::Config1;
 use crate::config::{Config, FileRef, Light, Noise, VERSION};
-use crate::console::count;
+use crate::files::is_component;
 use crate::image::{self, Image, Mask};
+use crate::observe::count;
 use crate::tiles::{TILE, grid};
 use crate::{Error, Result, files};
 use std::collections::{BTreeMap, BTreeSet};
@@ -16,7 +17,7 @@ mod stage;
 mod sunlight;
 mod verify;
 
-pub(crate) use check::{is_component, references};
+pub(crate) use check::references;
 pub(crate) use stage::Staged;
 pub use sunlight::Sunlight;
 pub use verify::Verification;
@@ -88,7 +89,7 @@ impl Writer {
     /// # Panics
     /// If `name` is not one plain component, or that of the manifest or the data folder.
     pub fn alias(&mut self, file: &FileRef, name: &str) {
-        assert!(check::is_component(name) && name != MANIFEST && name != DATA, "alias {name:?}");
+        assert!(is_component(name) && name != MANIFEST && name != DATA, "alias {name:?}");
         self.aliases.push((file.path.clone(), name.to_owned()));
     }
 
@@ -176,7 +177,7 @@ fn read(path: &Path) -> Result<Vec<u8>> {
 
 /// A manifest as untyped JSON, its `format` checked.
 fn parse_manifest(path: &Path, bytes: &[u8]) -> Result<serde_json::Value> {
-    let value: serde_json::Value = serde_json::from_slice(bytes).map_err(|error| json_error(path, &error))?;
+    let value: serde_json::Value = serde_json::from_slice(bytes).map_err(Error::json(path))?;
     match value.get("format").and_then(|format| format.as_str()) {
         Some(crate::config::FORMAT) => Ok(value),
         found => {
@@ -222,26 +223,13 @@ fn parse(place: &Path, bytes: &[u8]) -> Result<(Config, u32)> {
             None => serde_json::from_slice(bytes),
         },
     };
-    let config = config.map_err(|error| json_error(place, &error))?;
+    let config = config.map_err(Error::json(place))?;
     Ok((config, version.map_or(0, |version| version as u32)))
 }
 
 /// Reads a JSON file.
 pub(crate) fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
-    serde_json::from_slice(&read(path)?).map_err(|error| json_error(path, &error))
-}
-
-/// A syntax or type error of a JSON file, with its line.
-pub(crate) fn json_error(path: &Path, error: &serde_json::Error) -> Error {
-    match error.line() {
-        0 => Error::invalid(path.display(), error),
-        line => {
-            let text = error.to_string();
-            // The place names the line already.
-            let what = text.rsplit_once(" at line ").map_or(text.as_str(), |(what, _)| what);
-            Error::invalid(format!("{}:{line}", path.display()), what)
-        }
-    }
+    serde_json::from_slice(&read(path)?).map_err(Error::json(path))
 }
 
 /// Every string under a key `path`, as manifests of any version refer to files.

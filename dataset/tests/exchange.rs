@@ -4,9 +4,12 @@ mod common;
 
 use common::layouts::{self, content};
 use common::{noise_image, write_hours};
-use dataset::config::{Config, Layout, Light};
+use dataset::config::{Config, Light};
 use dataset::console::Console;
 use dataset::exchange::{Origin, export, import, lightmaps_of};
+use dataset::layout::Layout;
+use dataset::layout::hprc1::Hprc1;
+use dataset::layout::hprc2::Hprc2;
 use dataset::store::{DATA, Dataset};
 use std::fs;
 use std::path::Path;
@@ -18,11 +21,11 @@ fn day() -> Vec<f64> {
     hours
 }
 
-fn import_folder(layout: Layout, from: &Path, out: &Path) -> Config {
+fn import_folder(layout: &'static dyn Layout, from: &Path, out: &Path) -> Config {
     import(&Origin::Folder(layout, from.to_owned()), out, &Console::silent()).unwrap()
 }
 
-fn export_folder(dataset: &Path, layout: Layout, out: &Path) -> dataset::exchange::Exported {
+fn export_folder(dataset: &Path, layout: &dyn Layout, out: &Path) -> dataset::exchange::Exported {
     export(&Dataset::open(dataset).unwrap(), layout, out, &Console::silent()).unwrap()
 }
 
@@ -39,7 +42,7 @@ fn a_dataset_in_layout_2_keeps_every_bit_in_a_round_trip() {
     let folder = tempfile::tempdir().unwrap();
     let [source, set, back] = ["contest", "set", "back"].map(|name| folder.path().join(name));
     let lightmaps = layouts::write2(&source);
-    let config = import_folder(Layout::Hprc2, &source, &set);
+    let config = import_folder(&Hprc2, &source, &set);
     assert_eq!(faults(&set), Vec::<String>::new());
 
     // Pages in the file's order, whatever their ids; hours sorted; lamps told by the hours beside their
@@ -68,7 +71,7 @@ fn a_dataset_in_layout_2_keeps_every_bit_in_a_round_trip() {
             assert_eq!(bits(&dataset.map(set, page).unwrap().texels), bits(&lightmap.light[set]));
         }
     }
-    let exported = export_folder(&set, Layout::Hprc2, &back);
+    let exported = export_folder(&set, &Hprc2, &back);
     assert_eq!(exported.omitted, Vec::<String>::new());
     assert_eq!(content(&back), content(&source));
 }
@@ -78,7 +81,7 @@ fn a_dataset_in_layout_1_with_parts_and_shares_survives_a_round_trip() {
     let folder = tempfile::tempdir().unwrap();
     let [source, set, back] = ["contest", "set", "back"].map(|name| folder.path().join(name));
     let light = layouts::write1(&source, &[(7, (12, 8), 4), (3, (5, 3), 1)], true);
-    let config = import_folder(Layout::Hprc1, &source, &set);
+    let config = import_folder(&Hprc1, &source, &set);
     assert_eq!(faults(&set), Vec::<String>::new());
     let dataset = Dataset::open(&set).unwrap();
     // Time 24 is midnight.
@@ -87,12 +90,12 @@ fn a_dataset_in_layout_1_with_parts_and_shares_survives_a_round_trip() {
     let local = dataset.light(Light::Lamps, None, 13, 1).unwrap();
     assert_eq!(bits(&local.texels), bits(&light(3, "LocalOnly", 13, 5 * 3)));
     assert!(config.groups.is_empty());
-    export_folder(&set, Layout::Hprc1, &back);
+    export_folder(&set, &Hprc1, &back);
     assert_eq!(content(&back), content(&source));
 
     // In the other layout it keeps its numbers.
     let other = folder.path().join("other");
-    let exported = export_folder(&set, Layout::Hprc2, &other);
+    let exported = export_folder(&set, &Hprc2, &other);
     assert!(exported.omitted.iter().any(|what| what.contains("layers")), "{:?}", exported.omitted);
     let written = fs::read_to_string(other.join("config.json")).unwrap();
     assert!(written.contains("\"id\": 7") && written.contains("\"level\": \"set\""), "{written}");
@@ -103,9 +106,9 @@ fn a_frame_in_layout_1_without_shares_is_imported() {
     let folder = tempfile::tempdir().unwrap();
     let [source, set, back] = ["contest", "set", "back"].map(|name| folder.path().join(name));
     layouts::write1(&source, &[(0, (4, 4), 2)], false);
-    let config = import_folder(Layout::Hprc1, &source, &set);
+    let config = import_folder(&Hprc1, &source, &set);
     assert!(config.layers.is_empty() && config.sun.is_none());
-    export_folder(&set, Layout::Hprc1, &back);
+    export_folder(&set, &Hprc1, &back);
     assert_eq!(content(&back), content(&source));
 }
 
@@ -116,8 +119,8 @@ fn a_baked_day_goes_out_and_comes_back() {
     write_hours(&root, &[(20, 20), (7, 3)], 1, &day()).unwrap();
     let baked = Dataset::open(&root).unwrap();
     for (layout, hours, reason) in [
-        (Layout::Hprc1, 24, "3 frames at 5.9, 18.1, 20.4 h: the layout stores only whole hours"),
-        (Layout::Hprc2, 26, "1 frame at 20.4 h: the layout stores only whole hours, 5.9 and 18.1"),
+        (&Hprc1 as &dyn Layout, 24, "3 frames at 5.9, 18.1, 20.4 h: the layout stores only whole hours"),
+        (&Hprc2, 26, "1 frame at 20.4 h: the layout stores only whole hours, 5.9 and 18.1"),
     ] {
         let at = |name: &str| folder.path().join(format!("{name}-{}", layout.name()));
         let exported = export_folder(&root, layout, &at("out"));
@@ -138,7 +141,7 @@ fn a_baked_day_goes_out_and_comes_back() {
                     bits(&imported.map(k, page).unwrap().texels),
                     bits(&baked.map(own, page).unwrap().texels)
                 );
-                if layout == Layout::Hprc1 {
+                if layout.name() == "hprc1" {
                     for light in [Light::Sun, Light::Sky] {
                         let [sum, own] = [(&imported, k), (&baked, own)]
                             .map(|(dataset, frame)| dataset.light(light, None, frame, page).unwrap());
@@ -167,7 +170,7 @@ fn a_baked_day_goes_out_and_comes_back() {
 fn what_a_layout_cannot_hold_is_said_before_anything_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let [root, out] = ["yard", "out"].map(|name| folder.path().join(name));
-    let refused = |hours: &[f64], layout: Layout| {
+    let refused = |hours: &[f64], layout: &dyn Layout| {
         let _ = fs::remove_dir_all(&root);
         write_hours(&root, &[(5, 5)], 1, hours).unwrap();
         let error =
@@ -175,9 +178,9 @@ fn what_a_layout_cannot_hold_is_said_before_anything_is_written() {
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "only the set");
         error
     };
-    let error = refused(&day()[1..], Layout::Hprc1);
+    let error = refused(&day()[1..], &Hprc1);
     assert!(error.contains("no frame at 0 h; the layout needs all 24 whole hours"), "{error}");
-    let error = refused(&[4.5, 20.4], Layout::Hprc2);
+    let error = refused(&[4.5, 20.4], &Hprc2);
     assert!(error.contains("frames at 4.5, 20.4 h have no time key"), "{error}");
     // A damaged dataset, though its texels can still be read.
     write_hours(&root, &[(5, 5)], 1, &[0.0, 12.0]).unwrap();
@@ -186,12 +189,12 @@ fn what_a_layout_cannot_hold_is_said_before_anything_is_written() {
     let mut bytes = fs::read(&victim).unwrap();
     *bytes.last_mut().unwrap() ^= 1;
     fs::write(&victim, bytes).unwrap();
-    let error = export(&dataset, Layout::Hprc2, &out, &Console::silent()).unwrap_err().to_string();
+    let error = export(&dataset, &Hprc2, &out, &Console::silent()).unwrap_err().to_string();
     assert!(error.contains("checksum"), "{error}");
     // A folder with something in it is left alone.
     fs::create_dir(&out).unwrap();
     fs::write(out.join("mine"), b"x").unwrap();
-    let error = export(&dataset, Layout::Hprc2, &out, &Console::silent()).unwrap_err().to_string();
+    let error = export(&dataset, &Hprc2, &out, &Console::silent()).unwrap_err().to_string();
     assert!(error.contains("stands there already"), "{error}");
 }
 
@@ -207,7 +210,7 @@ fn values_outside_the_mask_that_are_no_light_become_zero_and_are_counted() {
         bytes[4 * (3 * outside + channel)..][..4].copy_from_slice(&value.to_le_bytes());
     }
     fs::write(&file, bytes).unwrap();
-    let config = import_folder(Layout::Hprc2, &source, &set);
+    let config = import_folder(&Hprc2, &source, &set);
     assert_eq!(config.source.unwrap().replaced_values, 2);
     let map = Dataset::open(&set).unwrap().map(0, 0).unwrap();
     assert_eq!(map.texels[outside], [0.0, 0.0, 7.0]);
@@ -228,12 +231,12 @@ fn a_sum_that_is_nearly_one_is_good_enough_for_an_import() {
         fs::write(&file, layouts::light_bytes(&texels)).unwrap();
     };
     write(1.01);
-    let origin = Origin::Folder(Layout::Hprc1, source.clone());
+    let origin = Origin::Folder(&Hprc1, source.clone());
     let error = import(&origin, &set, &Console::silent()).unwrap_err().to_string();
     assert!(error.contains("_9.00.bin_0, texel (2, 1)") && error.contains("sum to"), "{error}");
     assert!(!set.exists());
     write(1.0005);
-    let config = import_folder(Layout::Hprc1, &source, &set);
+    let config = import_folder(&Hprc1, &source, &set);
     assert_eq!(faults(&set), Vec::<String>::new());
     // The check has the same measure, and names the place.
     let mut image = Dataset::open(&set).unwrap().map(9, 0).unwrap();
@@ -254,7 +257,7 @@ fn equal_files_are_stored_once_and_no_temporary_stays() {
     let [source, set] = ["contest", "set"].map(|name| folder.path().join(name));
     layouts::write2(&source);
     fs::copy(source.join("Data/raw_4_0.bin_0"), source.join("Data/raw_4_2300.bin_0")).unwrap();
-    let config = import_folder(Layout::Hprc2, &source, &set);
+    let config = import_folder(&Hprc2, &source, &set);
     assert_eq!(config.frames[0].maps[0], config.frames[6].maps[0]);
     // Two lightmaps at 7 hours less one, two masks, the configuration.
     assert_eq!(fs::read_dir(set.join(DATA)).unwrap().count(), 2 * 7 - 1 + 2 + 1);

@@ -6,7 +6,6 @@ use common::{noise_image, write_set};
 use dataset::Error;
 use dataset::config::{Config, Layer, Light};
 use dataset::image::Image;
-use dataset::report::{Report, preview};
 use dataset::store::{Dataset, MANIFEST, Writer};
 use std::collections::BTreeMap;
 use std::fs;
@@ -371,24 +370,6 @@ fn a_noise_file_of_the_wrong_shape_is_refused() {
         assert!(message.contains(word), "{message}");
         assert_eq!(dataset.verify(|| {}).faults.len(), 1);
     }
-}
-
-#[test]
-fn a_report_shows_every_set() {
-    let folder = tempfile::tempdir().unwrap();
-    write_set(folder.path(), &[(300, 20), (1, 1)], 1).unwrap();
-    let mut report = Report::new("test");
-    report.push(preview::section(&Dataset::open(folder.path()).unwrap()).unwrap());
-    let path = folder.path().join("report.html");
-    report.write(&path).unwrap();
-    let html = fs::read_to_string(path).unwrap();
-    for text in
-        ["12 h", "21.5 h · page 1 · porch, garden on", "0 h · page 0 · porch on", "18 to 6 h", "kilolux"]
-    {
-        assert!(html.contains(text), "{text}");
-    }
-    // Two masks, three frames of two pages, and those again that are much darker, if any.
-    assert!(html.matches("<img").count() >= 8);
 }
 
 #[test]

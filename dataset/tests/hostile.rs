@@ -3,15 +3,17 @@
 mod common;
 
 use common::layouts;
-use dataset::config::Layout;
 use dataset::console::Console;
 use dataset::exchange::{Origin, import};
+use dataset::layout::Layout;
+use dataset::layout::hprc1::Hprc1;
+use dataset::layout::hprc2::Hprc2;
 use serde_json::{Value, json};
 use std::fs;
 use std::path::Path;
 
 /// Imports into a folder that must not be there afterwards, with an error that has all the words.
-fn refused(layout: Layout, source: &Path, words: &[&str]) {
+fn refused(layout: &'static dyn Layout, source: &Path, words: &[&str]) {
     let out = source.with_extension("out");
     let error = import(&Origin::Folder(layout, source.to_owned()), &out, &Console::silent());
     let error = error.expect_err(&format!("{words:?}")).to_string();
@@ -104,15 +106,15 @@ fn every_broken_configuration_of_layout_2_is_refused() {
         let mut config = good.clone();
         change(&mut config);
         fs::write(&place, serde_json::to_vec_pretty(&config).unwrap()).unwrap();
-        refused(Layout::Hprc2, &source, words);
+        refused(&Hprc2, &source, words);
     }
     let text = serde_json::to_string_pretty(&good).unwrap();
     fs::write(&place, text.replacen("\"590\":", "\"0\":", 1)).unwrap();
-    refused(Layout::Hprc2, &source, &["config.json:", "time key \"0\" occurs twice"]);
+    refused(&Hprc2, &source, &["config.json:", "time key \"0\" occurs twice"]);
     fs::write(&place, &text[..text.len() / 2]).unwrap();
-    refused(Layout::Hprc2, &source, &["config.json:", "EOF"]);
+    refused(&Hprc2, &source, &["config.json:", "EOF"]);
     fs::remove_file(&place).unwrap();
-    refused(Layout::Hprc2, &source, &["config.json"]);
+    refused(&Hprc2, &source, &["config.json"]);
 }
 
 #[test]
@@ -127,7 +129,7 @@ fn every_broken_file_of_layout_2_is_refused() {
     let with = |path: &Path, bytes: &[u8], words: &[&str]| {
         let good = fs::read(path).unwrap();
         fs::write(path, bytes).unwrap();
-        refused(Layout::Hprc2, &source, words);
+        refused(&Hprc2, &source, words);
         fs::write(path, good).unwrap();
     };
     let (whole, whole_mask) = (fs::read(&light).unwrap(), fs::read(&mask).unwrap());
@@ -157,15 +159,15 @@ fn every_broken_file_of_layout_2_is_refused() {
         let outside = tempfile::tempdir().unwrap();
         fs::rename(&light, outside.path().join("light")).unwrap();
         std::os::unix::fs::symlink(outside.path().join("light"), &light).unwrap();
-        refused(Layout::Hprc2, &source, &["raw_4_600.bin_0: leads to", "expected a file inside"]);
+        refused(&Hprc2, &source, &["raw_4_600.bin_0: leads to", "expected a file inside"]);
         fs::remove_file(&light).unwrap();
         fs::create_dir(&light).unwrap();
-        refused(Layout::Hprc2, &source, &["raw_4_600.bin_0: not a file"]);
+        refused(&Hprc2, &source, &["raw_4_600.bin_0: not a file"]);
         fs::remove_dir(&light).unwrap();
         fs::write(source.join("light"), &whole).unwrap();
         std::os::unix::fs::symlink(source.join("light"), &light).unwrap();
         let out = folder.path().join("set");
-        import(&Origin::Folder(Layout::Hprc2, source), &out, &Console::silent()).unwrap();
+        import(&Origin::Folder(&Hprc2, source), &out, &Console::silent()).unwrap();
     }
 }
 
@@ -192,7 +194,7 @@ fn every_broken_folder_of_layout_1_is_refused() {
         let mut config = good.clone();
         change(&mut config);
         fs::write(&place, config.to_string()).unwrap();
-        refused(Layout::Hprc1, &source, words);
+        refused(&Hprc1, &source, words);
     }
     fs::write(&place, good.to_string()).unwrap();
     // Hours that are missing are all named.
@@ -200,12 +202,12 @@ fn every_broken_folder_of_layout_1_is_refused() {
     for t in [3, 24] {
         fs::rename(source.join(name(t)), source.join(format!("{t}"))).unwrap();
     }
-    refused(Layout::Hprc1, &source, &["lightmap 5: 2 files missing", &name(3), &name(24)]);
+    refused(&Hprc1, &source, &["lightmap 5: 2 files missing", &name(3), &name(24)]);
     for t in [3, 24] {
         fs::rename(source.join(format!("{t}")), source.join(name(t))).unwrap();
     }
     fs::write(source.join(name(9)), b"short").unwrap();
-    refused(Layout::Hprc1, &source, &["9.00.bin_1: 5 bytes; expected 144: 4×3 texels of 12 bytes"]);
+    refused(&Hprc1, &source, &["9.00.bin_1: 5 bytes; expected 144: 4×3 texels of 12 bytes"]);
     fs::remove_dir_all(source.join("LocalOnly")).unwrap();
-    refused(Layout::Hprc1, &source, &["only DirectionalOnly, SkyLightOnly exists; expected"]);
+    refused(&Hprc1, &source, &["only DirectionalOnly, SkyLightOnly exists; expected"]);
 }

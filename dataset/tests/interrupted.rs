@@ -5,11 +5,12 @@ mod common;
 
 use common::{layouts, write_set};
 use dataset::Error;
-use dataset::config::Layout;
-use dataset::console::{Console, INTERRUPTED};
+use dataset::console::Console;
 use dataset::exchange::{Origin, export, import};
 use dataset::halve::halve;
+use dataset::layout::hprc2::Hprc2;
 use dataset::release::{release, verify};
+use dataset::signals::INTERRUPTED;
 use dataset::store::Dataset;
 use std::fs;
 use std::sync::atomic::Ordering;
@@ -22,9 +23,9 @@ fn a_stopped_command_leaves_nothing() {
     write_set(&set, &[(20, 20)], 1).unwrap();
     let dataset = Dataset::open(&set).unwrap();
     INTERRUPTED.store(true, Ordering::SeqCst);
-    let imported = import(&Origin::Folder(Layout::Hprc2, source.clone()), &out, &Console::silent());
+    let imported = import(&Origin::Folder(&Hprc2, source.clone()), &out, &Console::silent());
     assert!(matches!(imported, Err(Error::Interrupted)), "{imported:?}");
-    let exported = export(&dataset, Layout::Hprc2, &out, &Console::silent());
+    let exported = export(&dataset, &Hprc2, &out, &Console::silent());
     assert!(matches!(exported, Err(Error::Interrupted)), "{exported:?}");
     let halved = halve(&dataset, &out, &Console::silent());
     assert!(matches!(halved, Err(Error::Interrupted)), "{halved:?}");
@@ -33,7 +34,7 @@ fn a_stopped_command_leaves_nothing() {
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
     // Asked again it is done.
     INTERRUPTED.store(false, Ordering::SeqCst);
-    import(&Origin::Folder(Layout::Hprc2, source), &out, &Console::silent()).unwrap();
+    import(&Origin::Folder(&Hprc2, source), &out, &Console::silent()).unwrap();
     let released = folder.path().join("release");
     release(&[set], &[], false, &released, &Console::silent()).unwrap();
     INTERRUPTED.store(true, Ordering::SeqCst);

@@ -3,7 +3,7 @@
 mod common;
 
 use common::write_set;
-use dataset::config::{Baked, Config, Daylight, Layer, Layout, Light, Part, Source};
+use dataset::config::{Baked, Config, Daylight, Layer, Light, Part, Source};
 use dataset::store::{Dataset, MANIFEST};
 use std::fs;
 use std::path::Path;
@@ -21,7 +21,7 @@ fn layer(config: &Config, index: usize) -> Layer {
 }
 
 fn imported(config: &mut Config) {
-    config.source = Some(Source { layout: Layout::Hprc1, config: None, replaced_values: 0 });
+    config.source = Some(Source { layout: "hprc1".to_owned(), config: None, replaced_values: 0 });
 }
 
 #[test]

@@ -4,8 +4,10 @@ mod common;
 
 use common::layouts::content;
 use common::{write_hours, write_set};
-use dataset::config::Layout;
 use dataset::console::Console;
+use dataset::layout::Layout;
+use dataset::layout::hprc1::Hprc1;
+use dataset::layout::hprc2::Hprc2;
 use dataset::release::{LAYERS, MANIFEST, SUMS, release, verify};
 use dataset::store::Dataset;
 use std::fs::{self, File};
@@ -38,7 +40,7 @@ impl Released {
 
     fn package(&self, name: &str) {
         let sets = [self.at("hut"), self.at("yard")];
-        release(&sets, &[Layout::Hprc2], true, &self.at(name), &Console::silent()).unwrap();
+        release(&sets, &[&Hprc2], true, &self.at(name), &Console::silent()).unwrap();
     }
 
     fn faults(&self) -> Vec<String> {
@@ -143,7 +145,7 @@ fn a_release_verifies_and_unpacks_to_the_same_set() {
     unpack(&folder.join("hut-hprc2.tar.zst"), &unpacked);
     let exported = released.at("exported");
     let hut = Dataset::open(&released.at("hut")).unwrap();
-    dataset::exchange::export(&hut, Layout::Hprc2, &exported, &Console::silent()).unwrap();
+    dataset::exchange::export(&hut, &Hprc2, &exported, &Console::silent()).unwrap();
     assert!(content(&exported) == content(&unpacked.join("hut-hprc2")));
 }
 
@@ -379,7 +381,7 @@ fn what_cannot_be_released_is_refused_and_leaves_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let config = write_set(&at("set"), &[(20, 20)], 1).unwrap();
-    let refused = |sets: &[PathBuf], layouts: &[Layout], word: &str| {
+    let refused = |sets: &[PathBuf], layouts: &[&dyn Layout], word: &str| {
         let error =
             release(sets, layouts, false, &at("release"), &Console::silent()).unwrap_err().to_string();
         assert!(error.contains(word), "{word}: {error}");
@@ -387,7 +389,7 @@ fn what_cannot_be_released_is_refused_and_leaves_nothing() {
     };
     refused(&[at("set"), at("set")], &[], "occurs twice");
     refused(&[at("set"), at("none")], &[], "does not exist");
-    refused(&[at("set")], &[Layout::Hprc1], "no frame at 1, 2");
+    refused(&[at("set")], &[&Hprc1], "no frame at 1, 2");
     // A fault that only the check finds.
     let map = at("set").join(&config.frames[1].maps[0].path);
     let whole = fs::read(&map).unwrap();

@@ -2,7 +2,7 @@
 
 mod common;
 
-use dataset::config::{Config, Layout};
+use dataset::config::Config;
 use dataset::console::Console;
 use dataset::exchange::{Origin, import};
 use dataset::image::Image;
@@ -83,7 +83,7 @@ fn half_floats_and_a_mask_become_a_set() {
     let (folder, out) = (renders(around.path()), around.path().join("hall"));
     let (config, dataset) = imported(&pattern(&folder, "light_{hour}.exr", Some("mask.png"), None), &out);
     assert_eq!(config.scene, "hall");
-    assert_eq!(config.source.as_ref().map(|source| source.layout), Some(Layout::Exr));
+    assert_eq!(config.source.as_ref().map(|source| &*source.layout), Some("exr"));
     let hours: Vec<f64> = config.frames.iter().map(|set| set.hour).collect();
     assert_eq!(hours, [0.0, 6.0, 9.0, 18.25]);
     for (set, hour) in hours.into_iter().enumerate() {

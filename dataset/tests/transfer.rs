@@ -3,9 +3,12 @@
 mod common;
 
 use common::write_set;
-use dataset::config::{Config, Layout, Transfer, TransferLight, TransferPart};
+use dataset::config::{Config, Transfer, TransferLight, TransferPart};
 use dataset::console::Console;
 use dataset::exchange::export;
+use dataset::layout::Layout;
+use dataset::layout::hprc1::Hprc1;
+use dataset::layout::hprc2::Hprc2;
 use dataset::release::{release, verify};
 use dataset::store::{Dataset, Writer};
 use std::path::Path;
@@ -53,7 +56,7 @@ fn a_transfer_is_not_taken_for_a_day() {
     write(&folder.path().join("set"));
     let dataset = Dataset::open(&folder.path().join("set")).unwrap();
     let out = folder.path().join("out");
-    for layout in [Layout::Hprc1, Layout::Hprc2] {
+    for layout in [&Hprc1 as &dyn Layout, &Hprc2] {
         let error = export(&dataset, layout, &out, &Console::silent()).unwrap_err().to_string();
         assert!(error.contains("is the transfer of yard; expected a dataset of a day"), "{error}");
         assert!(!out.exists());

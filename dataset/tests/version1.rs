@@ -2,9 +2,10 @@
 
 mod common;
 
-use dataset::config::{Baked, Config, Daylight, Layer, Layout, Light, Part, VERSION};
+use dataset::config::{Baked, Config, Daylight, Layer, Light, Part, VERSION};
 use dataset::console::Console;
 use dataset::exchange::{Origin, export, import};
+use dataset::layout::hprc1::Hprc1;
 use dataset::release::{release, verify};
 use dataset::store::{Dataset, MANIFEST, Writer};
 use serde_json::{Value, json};
@@ -114,9 +115,9 @@ fn an_imported_dataset_goes_out_and_comes_back_with_the_same_light() {
     let folder = tempfile::tempdir().unwrap();
     let [out, back] = ["out", "imported"].map(|name| folder.path().join(name));
     let dataset = open(IMPORTED);
-    let exported = export(&dataset, Layout::Hprc1, &out, &Console::silent()).unwrap();
+    let exported = export(&dataset, &Hprc1, &out, &Console::silent()).unwrap();
     assert_eq!((exported.hours.len(), &*exported.omitted), (24, &[][..]));
-    let again = import(&Origin::Folder(Layout::Hprc1, out), &back, &Console::silent()).unwrap();
+    let again = import(&Origin::Folder(&Hprc1, out), &back, &Console::silent()).unwrap();
     assert_eq!((again.version, again.digest_of_light()), (2, dataset.config.digest_of_light()));
     assert_eq!(again.inputs, dataset.config.inputs);
     // Files of equal content may have other names.

@@ -1,5 +1,5 @@
 //! The dependency rule: `baker → dataset ← compressor`; the decoder, `ndgi`, depends on none of them and
-//! serves both sides.
+//! serves both sides. Terminal, typed arguments and reports are the commands'.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -36,14 +36,51 @@ fn naming(files: &[PathBuf], word: &str) -> Vec<String> {
     found
 }
 
+/// The sources of a crate's command, and those of its library.
+fn command_and_library(crate_name: &str) -> (Vec<PathBuf>, Vec<PathBuf>) {
+    let of_command = |f: &PathBuf| {
+        f.components().any(|part| part.as_os_str() == "bin")
+            || ["baker/src/main.rs", "baker/src/report.rs"].iter().any(|own| f.ends_with(own))
+    };
+    let (command, library): (Vec<_>, Vec<_>) = all_sources(crate_name).into_iter().partition(of_command);
+    assert!(library.len() > 10, "found only {} sources", library.len());
+    (command, library)
+}
+
 #[test]
 fn bakers_library_never_names_the_compressor() {
-    let (binary, library): (Vec<_>, Vec<_>) =
-        all_sources("baker").into_iter().partition(|f| f.ends_with("src/main.rs"));
-    assert!(library.len() > 10, "found only {} sources", library.len());
+    let (command, library) = command_and_library("baker");
     assert_eq!(naming(&library, "compressor"), Vec::<String>::new());
     // The search can find what it looks for.
-    assert!(!naming(&binary, "compressor").is_empty());
+    assert!(!naming(&command, "compressor").is_empty());
+}
+
+#[test]
+fn only_commands_use_the_terminal_and_what_commands_share() {
+    for (name, word, except) in [
+        ("dataset", "commands::", ""),
+        ("baker", "commands::", ""),
+        // `bake --compress` and `compress` write the same sections.
+        ("compressor", "commands::", "commands::report"),
+        ("dataset", "console::", ""),
+        ("baker", "console::", ""),
+        // What both commands do to compress, print and judge.
+        ("compressor", "console::", "src/run.rs"),
+    ] {
+        let (_, library) = command_and_library(name);
+        let mut found = naming(&library, word);
+        found.retain(|line| except.is_empty() || !line.contains(except));
+        assert_eq!(found, Vec::<String>::new(), "{name}");
+    }
+    // The search can find what it looks for.
+    for (name, word) in [
+        ("dataset", "console::"),
+        ("baker", "commands::"),
+        ("compressor", "commands::"),
+        ("baker", "console::"),
+    ] {
+        assert!(!naming(&command_and_library(name).0, word).is_empty(), "{name}: {word}");
+    }
 }
 
 #[test]
@@ -57,10 +94,13 @@ fn what_both_sides_share_names_neither() {
             .lines()
             .any(|line| line.starts_with(&format!("{name}.")) || line.starts_with(&format!("{name} ")))
     };
-    for name in ["baker", "compressor", "ndgi"] {
+    for name in ["baker", "commands", "compressor", "ndgi"] {
         assert!(!of("dataset/Cargo.toml", name), "dataset depends on {name}");
     }
-    for name in ["baker", "compressor", "dataset"] {
+    for name in ["baker", "compressor", "ndgi"] {
+        assert!(!of("dataset/commands/Cargo.toml", name), "commands depends on {name}");
+    }
+    for name in ["baker", "commands", "compressor", "dataset"] {
         assert!(!of("compressor/ndgi/Cargo.toml", name), "ndgi depends on {name}");
     }
     // The search can find what it looks for.

@@ -3,10 +3,10 @@
 use compressor::compress::{Options, compress};
 use compressor::decode::Decoder;
 use compressor::evaluate::{Measures, evaluate};
-use dataset::config::Layout;
 use dataset::console::Console;
 use dataset::exchange::{Origin, import};
 use dataset::image::Mask;
+use dataset::layout::hprc2::Hprc2;
 use dataset::store::Dataset;
 use std::fs;
 use std::path::Path;
@@ -78,7 +78,7 @@ fn lightmaps_of_others_are_compressed_like_our_own() {
     let folder = tempfile::tempdir().unwrap();
     let [source, root] = ["contest", "set"].map(|name| folder.path().join(name));
     write(&source);
-    import(&Origin::Folder(Layout::Hprc2, source), &root, &Console::silent()).unwrap();
+    import(&Origin::Folder(&Hprc2, source), &root, &Console::silent()).unwrap();
     let dataset = Dataset::open(&root).unwrap();
     let checked = dataset.verify(|| {});
     assert!(checked.faults.is_empty() && checked.warnings.is_empty(), "{checked:?}");

@@ -10,7 +10,7 @@ use super::{Atlas, Face, Placement, Skipped};
 use crate::geometry::{Geometry, Instance, LightmapPlace};
 use crate::scene::{Lightmap, LightmapSize};
 use crate::{Error, Result};
-use dataset::console::count;
+use dataset::observe::count;
 use glam::{DVec2, Vec2};
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -31,7 +31,7 @@ mod tests;
 use crate::geometry::Geometry;
 use crate::scene::{Lightmap, LightmapSize, UvSource};
 use crate::{Error, Result};
-use dataset::console::count;
+use dataset::observe::count;
 pub use density::LARGEST_SIDE;
 use glam::{DVec2, Vec2};
 use pack::Origin;

@@ -6,7 +6,7 @@
 
 use crate::trace::cache_half::CacheHalf;
 use crate::{Error, Result, Rgb};
-use dataset::console::stop_if_interrupted;
+use dataset::signals::stop_if_interrupted;
 use rayon::prelude::*;
 
 /// Paths per entry and half that ordinary numbers of samples have at least.

@@ -15,7 +15,7 @@ use crate::surface::BlockSurface;
 use crate::trace::counts::RayCounts;
 use crate::trace::light_subset::FEW_GROUPS;
 use crate::trace::path::sun_sample;
-use dataset::console::interrupted;
+use dataset::signals::interrupted;
 use rayon::prelude::*;
 
 /// Pilot samples of each texel and light.

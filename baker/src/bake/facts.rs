@@ -10,7 +10,7 @@ use crate::atlas::{Atlas, Skipped};
 use crate::geometry::Geometry;
 use crate::light::extra_times::percent;
 use crate::scene::{Portal, Scene};
-use dataset::console::count;
+use dataset::observe::count;
 
 /// What may be wrong with a scene most of whose texels are of no use.
 pub fn mostly_invalid(plan: &Plan, stored: &Stored) -> Option<String> {

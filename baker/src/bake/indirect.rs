@@ -17,7 +17,7 @@ use crate::trace::path::{Arrival, balance_heuristic};
 use crate::trace::sampler::Sample;
 use crate::trace::space::Receiver;
 use crate::trace::triangle::Hit;
-use dataset::console::interrupted;
+use dataset::signals::interrupted;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::OnceLock;

@@ -8,7 +8,7 @@ use crate::light::extra_times;
 use crate::light::schedule::Hours;
 use crate::trace::backend::Backend;
 use crate::trace::counts::RayCounts;
-use dataset::console::count;
+use dataset::observe::count;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::Duration;

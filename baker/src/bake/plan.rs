@@ -16,7 +16,7 @@ use crate::scene::{Baked, Lamp, Scene, Sky};
 use crate::trace::lights::{GroupLight, Lights, SunLight};
 use crate::{Result, Rgb};
 use dataset::config::TransferPart;
-use dataset::console::count;
+use dataset::observe::count;
 use glam::{DVec3, Vec3};
 
 /// The layers of a bake and how each time is made of them.

@@ -3,7 +3,7 @@
 
 use super::local::LocalErrorSummary;
 use crate::trace::counts::RayCounts;
-use dataset::console::count;
+use dataset::observe::count;
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 

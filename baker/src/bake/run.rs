@@ -36,10 +36,9 @@ use crate::trace::path::Transport;
 use dataset::config::{
     Config, Daylight, FORMAT, FileRef, Group, Instance, Layer, Light, SunVisibility, VERSION,
 };
-use dataset::console::count;
 use dataset::curve::Curve;
 use dataset::files::write_atomically;
-use dataset::observe::Observer;
+use dataset::observe::{Observer, count};
 use dataset::store::Writer;
 use dataset::tiles::TILE;
 use std::collections::BTreeSet;

@@ -10,7 +10,7 @@ use crate::trace::path::{Arrival, point_pair};
 use crate::trace::sampler::{Sample, Sequence, SequenceKind};
 use crate::trace::space::Receiver;
 use crate::{Result, Rgb};
-use dataset::console::stop_if_interrupted;
+use dataset::signals::stop_if_interrupted;
 use rayon::prelude::*;
 use std::sync::Mutex;
 

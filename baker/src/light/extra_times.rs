@@ -70,7 +70,7 @@ impl ExtraTimes {
         (after > MOST_ERROR).then(|| {
             format!(
                 "no more than {} (--extra-times): light of sky and sun interpolated linearly between the frames errs by up to {}",
-                dataset::console::count(self.added.len(), "extra time"),
+                dataset::observe::count(self.added.len(), "extra time"),
                 percent(after)
             )
         })

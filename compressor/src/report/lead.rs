@@ -5,9 +5,9 @@ use crate::Result;
 use crate::compress::Outcome;
 use crate::decode::{Decoder, Lights};
 use crate::evaluate::{Evaluation, Quality, cell, decode, read, reference_law};
-use dataset::console::count;
-use dataset::report::Section;
-use dataset::report::scene::{PICTURE, remark as of_view, shown_frames};
+use commands::report::Section;
+use commands::report::scene::{PICTURE, remark as of_view, shown_frames};
+use dataset::observe::count;
 use dataset::store::Dataset;
 use dataset::view::View;
 

@@ -10,8 +10,8 @@ use super::random::Random;
 use super::{Aim, Coded};
 use crate::Result;
 use crate::lanes::{Quad, Tier};
-use dataset::console::stop_if_interrupted;
 use dataset::metrics::psnr_db;
+use dataset::signals::stop_if_interrupted;
 use std::ops::Range;
 
 /// Samples per step, at most: the paper's 2¹².

@@ -5,9 +5,9 @@ use super::raw::block_rows;
 use crate::config::{
     Baked, Config, Daylight, FORMAT, Frame, Layer, Light as Lights, Page, Part, Source, VERSION,
 };
-use crate::console::stop_if_interrupted;
 use crate::image::{Mask, write_exr};
 use crate::observe::{Meter, Observer};
+use crate::signals::stop_if_interrupted;
 use crate::store::{Staged, Writer, about_equal, is_bad, refuse_light};
 use crate::{Error, Result};
 use rayon::prelude::*;
@@ -66,7 +66,7 @@ pub(super) fn convert(
             }
         }
     }
-    let layout = incoming.layout;
+    let layout = incoming.layout.to_owned();
     let reported = incoming.config.as_ref();
     let reported = reported.map(|bytes| writer.add("source", "json", bytes)).transpose()?;
     let config = Config {

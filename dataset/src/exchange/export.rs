@@ -1,14 +1,12 @@
 //! Exports a dataset to a layout.
 
-use super::layouts::{kept, lightmaps_of, parse};
-use super::plan::{Lightmap, Parts, Planned};
+use super::kept::{kept, lightmaps_of};
 use super::raw::{self, light_bytes, mask_bytes};
-use super::{layout1, layout2};
-use crate::config::{FileRef, Layer, Layout, Light};
-use crate::console::count;
+use crate::config::{FileRef, Layer, Light};
 use crate::files::{NewFolder, write_atomically};
 use crate::image::add;
-use crate::observe::{Meter, Observer};
+use crate::layout::{self, Layout, Lightmap, Parts, Planned};
+use crate::observe::{Meter, Observer, count};
 use crate::store::{Dataset, MANIFEST};
 use crate::{Error, Result};
 use rayon::prelude::*;
@@ -34,13 +32,12 @@ pub struct Exported {
 /// # Errors
 /// `Unsupported` if the layout cannot store any of the dataset; `Invalid` for an invalid dataset. Then
 /// nothing is left behind.
-pub fn export(dataset: &Dataset, layout: Layout, out: &Path, console: &dyn Observer) -> Result<Exported> {
-    if layout == Layout::Exr {
-        return Err(Error::unsupported(
-            out.display(),
-            "EXR files can only be imported; expected --layout hprc1 or hprc2",
-        ));
-    }
+pub fn export(
+    dataset: &Dataset,
+    layout: &dyn Layout,
+    out: &Path,
+    console: &dyn Observer,
+) -> Result<Exported> {
     dataset.expect_day()?;
     let folder = NewFolder::create(out)?;
     let root = folder.temporary();
@@ -56,10 +53,11 @@ pub fn export(dataset: &Dataset, layout: Layout, out: &Path, console: &dyn Obser
         }
     };
     let layered = !dataset.config.layers.is_empty();
-    if layout == Layout::Hprc1 && !layered {
-        omitted.push(format!("{}: the dataset has no layers", layout1::SHARES.join(", ")));
+    let shares = layout.shares();
+    if !shares.is_empty() && !layered {
+        omitted.push(format!("{}: the dataset has no layers", shares.join(", ")));
     }
-    if layout == Layout::Hprc2 && layered {
+    if shares.is_empty() && layered {
         omitted.push("layers of sun, sky and light groups: the layout cannot store them".to_owned());
     }
     let set = &dataset.config;
@@ -76,7 +74,7 @@ pub fn export(dataset: &Dataset, layout: Layout, out: &Path, console: &dyn Obser
     }
 
     let images = planned.iter().flat_map(|p| p.frames.iter().map(|_| u64::from(p.lightmap.height)));
-    let kinds = if layout == Layout::Hprc1 && layered { 4 } else { 1 };
+    let kinds = if layered { 1 + shares.len() as u64 } else { 1 };
     let progress = console.progress("exporting", kinds * images.sum::<u64>());
     check_contents(dataset, &hours, layout)?;
     let mut written = Vec::new();
@@ -95,52 +93,36 @@ pub fn export(dataset: &Dataset, layout: Layout, out: &Path, console: &dyn Obser
 }
 
 /// The hours that the layout takes, and why not the others.
-fn hours(dataset: &Dataset, layout: Layout) -> Result<(Vec<f64>, Vec<String>)> {
+fn hours(dataset: &Dataset, layout: &dyn Layout) -> Result<(Vec<f64>, Vec<String>)> {
     let all: Vec<f64> = dataset.config.frames.iter().map(|frame| frame.hour).collect();
-    let list = |hours: &[f64]| hours.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
-    let (taken, others): (Vec<f64>, Vec<f64>) = match layout {
-        Layout::Hprc1 => {
-            let missing: Vec<f64> = layout1::hours().filter(|hour| !all.contains(hour)).collect();
-            if !missing.is_empty() {
-                let what = format!(
-                    "no frame at {} h; the layout needs all 24 whole hours: export to hprc2, or bake with --hours 0..24",
-                    list(&missing)
-                );
-                return Err(Error::unsupported(dataset.root.display(), what));
-            }
-            all.iter().partition(|&&hour| layout1::hours().any(|whole| whole == hour))
-        }
-        _ => all.iter().partition(|&&hour| layout2::key(hour).is_some()),
-    };
-    if taken.is_empty() {
-        let what = format!(
-            "no frame at a whole hour; frames at {} h have no time key: bake whole hours",
-            list(&others)
-        );
-        return Err(Error::unsupported(dataset.root.display(), what));
+    let unsupported = |what| Error::unsupported(dataset.root.display(), what);
+    if let Some(what) = layout.refuses(&all) {
+        return Err(unsupported(what));
     }
-    let reason = match layout {
-        Layout::Hprc1 => "the layout stores only whole hours",
-        _ => "the layout stores only whole hours, 5.9 and 18.1",
-    };
-    let reported = (!others.is_empty())
-        .then(|| format!("{} at {} h: {reason}", count(others.len(), "frame"), list(&others)));
+    let (taken, others): (Vec<f64>, Vec<f64>) = all.iter().partition(|&&hour| layout.takes(hour));
+    if taken.is_empty() {
+        return Err(unsupported(format!(
+            "no frame at a whole hour; frames at {} h have no time key: bake whole hours",
+            layout::list(&others)
+        )));
+    }
+    let reported = (!others.is_empty()).then(|| {
+        let (frames, hours) = (count(others.len(), "frame"), layout::list(&others));
+        format!("{frames} at {hours} h: the layout stores {}", layout.hours())
+    });
     Ok((taken, reported.into_iter().collect()))
 }
 
 /// The configuration to write, and the files it speaks of.
-fn plan(dataset: &Dataset, layout: Layout, hours: &[f64]) -> Result<(Vec<u8>, Vec<Planned>)> {
+fn plan(dataset: &Dataset, layout: &dyn Layout, hours: &[f64]) -> Result<(Vec<u8>, Vec<Planned>)> {
     // Another layout's numbers and levels are kept; else pages are counted.
     let lightmaps = lightmaps_of(dataset)?.unwrap_or_else(|| {
         let pages = dataset.config.pages.iter().zip(0..);
         pages.map(|(page, id)| Lightmap { id, level: None, width: page.width, height: page.height }).collect()
     });
-    let config = match layout {
-        Layout::Hprc1 => layout1::compose(&lightmaps),
-        _ => layout2::compose(&dataset.config.scene, &lightmaps, hours),
-    };
+    let config = layout.compose(&dataset.config.scene, &lightmaps, hours);
     let mut planned = Vec::new();
-    parse(layout, Path::new(MANIFEST), &config, |one| {
+    layout::plan(layout, Path::new(MANIFEST), &config, |one| {
         planned.push(one);
         Ok(())
     })?;
@@ -148,17 +130,17 @@ fn plan(dataset: &Dataset, layout: Layout, hours: &[f64]) -> Result<(Vec<u8>, Ve
 }
 
 /// An error unless all files that are read are what the manifest says.
-fn check_contents(dataset: &Dataset, hours: &[f64], layout: Layout) -> Result<()> {
+fn check_contents(dataset: &Dataset, hours: &[f64], layout: &dyn Layout) -> Result<()> {
     let config = &dataset.config;
     let frames = config.frames.iter().filter(|frame| hours.contains(&frame.hour));
     let mut files: Vec<&FileRef> = frames.flat_map(|frame| &frame.maps).collect();
-    if layout == Layout::Hprc1 {
+    if !layout.shares().is_empty() {
         files.extend(config.layers.iter().flat_map(Layer::files));
     }
     let mut seen = BTreeSet::new();
     files.retain(|file| seen.insert(&file.path));
     files.par_iter().try_for_each(|file| {
-        crate::console::stop_if_interrupted()?;
+        crate::signals::stop_if_interrupted()?;
         dataset.check_content(file)
     })
 }

@@ -1,8 +1,9 @@
 //! EXR files, one per hour: found by a pattern of their names, or listed in a TOML file.
 
 use super::incoming::{Incoming, IncomingFrame, IncomingPage, Light, MaskFile};
-use crate::config::{Baked, Group, Layout};
+use crate::config::{Baked, Group};
 use crate::image::find_channels;
+use crate::layout::EXR;
 use crate::{Error, Result};
 use serde::Deserialize;
 use std::ops::Range;
@@ -63,7 +64,7 @@ pub(super) fn by_pattern(
     others.retain(|name| !matches!(&mask, Some(MaskFile::Picture(path)) if path.ends_with(name)));
     let frames = found.iter().map(|(_, name)| vec![folder.join(name)]).collect();
     let incoming = Incoming {
-        layout: Layout::Exr,
+        layout: EXR,
         config: None,
         unit: UNKNOWN_UNIT.to_owned(),
         hours: found.iter().map(|(hour, _)| *hour).collect(),
@@ -161,7 +162,7 @@ pub(super) fn by_table(path: &Path) -> Result<Incoming> {
     let files =
         frames.iter().map(|frame| frame.files.iter().map(|file| folder.join(file)).collect()).collect();
     Ok(Incoming {
-        layout: Layout::Exr,
+        layout: EXR,
         config: None,
         unit: table.unit.unwrap_or_else(|| UNKNOWN_UNIT.to_owned()),
         hours: frames.iter().map(|frame| *frame.hour.as_ref()).collect(),

@@ -1,24 +1,23 @@
 //! Imports a layout as a dataset.
 
 use super::convert::{convert, work};
+use super::images;
 use super::incoming::{Incoming, IncomingFrame, IncomingPage, Light, MaskFile};
-use super::layouts::{parse, read_config};
-use super::plan::{Parts, Planned};
-use super::raw::{LIGHT_BYTES, Raw};
-use super::{images, layout1, layout2};
-use crate::config::{Baked, Config, Group, Layout};
-use crate::console::count;
-use crate::files::NewFolder;
-use crate::observe::Observer;
-use crate::store::{MANIFEST, is_component};
+use super::kept::read_config;
+use super::raw::Raw;
+use crate::config::{Baked, Config, Group};
+use crate::files::{NewFolder, is_component};
+use crate::layout::{self, LIGHT_BYTES, Layout, Parts, Planned};
+use crate::observe::{Observer, count};
+use crate::store::MANIFEST;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 
 /// The source of an import.
 #[derive(Clone, Debug)]
 pub enum Origin {
-    /// A folder in the layout `hprc1` or `hprc2`.
-    Folder(Layout, PathBuf),
+    /// A folder in a layout.
+    Folder(&'static dyn Layout, PathBuf),
     /// EXR files of one page.
     Pattern {
         /// The folder that holds them.
@@ -62,33 +61,31 @@ pub fn import(origin: &Origin, out: &Path, console: &dyn Observer) -> Result<Con
 }
 
 /// Finds the files of a layout.
-fn read_folder(layout: Layout, root: &Path) -> Result<Incoming> {
+fn read_folder(layout: &dyn Layout, root: &Path) -> Result<Incoming> {
     let place = root.join(MANIFEST);
     let root = root.canonicalize().map_err(Error::io(root))?;
     let bytes = read_config(&inside(&root, Path::new(MANIFEST))?)?;
-    // Layout 1: all folders of shares, or none.
-    let there: Vec<&str> = layout1::SHARES.into_iter().filter(|share| root.join(share).exists()).collect();
-    if layout == Layout::Hprc1 && !matches!(there.len(), 0 | 3) {
-        let what = format!(
-            "only {} exists; expected {}, or none of them",
-            there.join(", "),
-            layout1::SHARES.join(", ")
-        );
+    // All folders of shares, or none.
+    let shares = layout.shares();
+    let there: Vec<&str> = shares.iter().copied().filter(|share| root.join(share).exists()).collect();
+    if !there.is_empty() && there != shares {
+        let (there, shares) = (there.join(", "), shares.join(", "));
+        let what = format!("only {there} exists; expected {shares}, or none of them");
         return Err(Error::invalid(root.display(), what));
     }
     let mut pages = Vec::new();
     let mut hours = Vec::new();
-    parse(layout, &place, &bytes, |planned| {
+    layout::plan(layout, &place, &bytes, |planned| {
         hours = planned.frames.iter().map(|planned_frame| planned_frame.hour).collect();
         pages.push(find(&root, planned, !there.is_empty())?);
         Ok(())
     })?;
-    let lamps = Group { name: "local".to_owned(), on: vec![[18.0, 6.0]], baked: Baked::All };
+    let lamps = |on| Group { name: "local".to_owned(), on: vec![on], baked: Baked::All };
     Ok(Incoming {
-        layout,
+        layout: layout.name(),
         config: Some(bytes),
         unit: images::UNKNOWN_UNIT.to_owned(),
-        groups: if layout2::shows_switches(&hours) { vec![lamps] } else { Vec::new() },
+        groups: layout.lamps_on(&hours).map(lamps).into_iter().collect(),
         hours,
         pages,
     })

@@ -1,7 +1,7 @@
 //! Lightmaps to import, from any source.
 
 use super::raw::Raw;
-use crate::config::{Group, Layout};
+use crate::config::Group;
 use crate::image::{self, Channels, Mask};
 use crate::{Error, Result};
 use ::image::{ImageError, ImageReader};
@@ -9,7 +9,8 @@ use std::path::{Path, PathBuf};
 
 /// A dataset of lightmaps elsewhere, its files found and their sizes checked.
 pub(super) struct Incoming {
-    pub layout: Layout,
+    /// What the manifest calls it.
+    pub layout: &'static str,
     /// The bytes of the layout's configuration.
     pub config: Option<Vec<u8>>,
     pub unit: String,

@@ -1,13 +1,10 @@
 //! Import and export of datasets in the layouts of other tools.
 //!
-//! Two layouts of raw float32 files ([`layout1`], [`layout2`]) both ways, and EXR files per hour in. An
-//! imported dataset becomes a dataset like a baked one, with [`crate::config::Source`] as its origin.
+//! The layouts of raw float32 files ([`crate::layout`]) both ways, and EXR files per hour in. An imported
+//! dataset becomes a dataset like a baked one, with [`crate::config::Source`] as its origin.
 
 mod raw;
-mod plan;
-pub mod layout1;
-pub mod layout2;
-mod layouts;
+mod kept;
 mod incoming;
 mod images;
 mod convert;
@@ -16,5 +13,4 @@ mod export;
 
 pub use export::{Exported, export};
 pub use import::{Origin, import};
-pub use layouts::lightmaps_of;
-pub use plan::Lightmap;
+pub use kept::lightmaps_of;

@@ -1,14 +1,13 @@
 //! Raw texels in one file or several equal ones that lie below each other: row by row from the top, no
 //! header.
 
-use crate::console::count;
+use crate::layout::LIGHT_BYTES;
+use crate::observe::count;
 use crate::{Error, Result};
 use std::fs::File;
 use std::io::{BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-/// Bytes of a texel of light: three float32, little-endian.
-pub(super) const LIGHT_BYTES: usize = 12;
 /// The byte of a texel on a surface, 127.
 const VALID: u8 = 127;
 /// The byte of any other texel, −1.
@@ -112,7 +111,7 @@ pub(super) fn write(
         let mut out = BufWriter::new(File::create_new(path).map_err(Error::io(path))?);
         let end = (part + 1) * part_rows;
         for y0 in (part * part_rows..end).step_by(block_rows(width)) {
-            crate::console::stop_if_interrupted()?;
+            crate::signals::stop_if_interrupted()?;
             let bytes = rows(y0, (y0 + block_rows(width)).min(end))?;
             total += bytes.len() as u64;
             out.write_all(&bytes).map_err(Error::io(path))?;

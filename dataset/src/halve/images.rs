@@ -2,9 +2,9 @@
 
 use super::half::Half;
 use crate::config::{Config, FileRef};
-use crate::console::stop_if_interrupted;
 use crate::image::write_exr;
 use crate::observe::Meter;
+use crate::signals::stop_if_interrupted;
 use crate::store::{Dataset, Staged, Writer, refuse_light, stem_of};
 use crate::{Error, Result};
 use rayon::prelude::*;

@@ -11,9 +11,9 @@ mod places;
 mod sunlight;
 
 use crate::config::{Config, FileRef, Page, SunVisibility, VERSION};
-use crate::console::stop_if_interrupted;
 use crate::files::NewFolder;
 use crate::observe::{Meter, Observer};
+use crate::signals::stop_if_interrupted;
 use crate::store::{Dataset, MANIFEST, Writer, references, stem_of};
 use crate::{Error, Result};
 use half::Half;

@@ -9,9 +9,9 @@
 use super::half::{Counted, Half};
 use crate::Result;
 use crate::config::{Config, FileRef};
-use crate::console::stop_if_interrupted;
 use crate::normals::Normals;
 use crate::observe::Meter;
+use crate::signals::stop_if_interrupted;
 use crate::store::{Dataset, Sunlight, Writer, stem_of};
 use crate::tiles::{Rect, TILE, grid, tiles};
 use crate::visibility::{Planes, to_bytes};

@@ -4,9 +4,9 @@
 use super::MAX_TEXT_BYTES;
 use super::sums::Summed;
 use crate::config::FileRef;
-use crate::console::stop_if_interrupted;
+use crate::files::is_component;
 use crate::observe::Meter;
-use crate::store::is_component;
+use crate::signals::stop_if_interrupted;
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::fs::File;

@@ -2,7 +2,7 @@
 
 use super::{Archive, LAYERS, READER, SUMS};
 use crate::config::Config;
-use crate::console::count;
+use crate::observe::count;
 use std::fmt::Write;
 
 /// The datasheet's content besides the manifest: names and lengths of the files.
@@ -117,7 +117,7 @@ fn how_made(text: &mut String, config: &Config) {
         Some(source) => writeln!(
             text,
             "Imported from the layout {} by {}. Unit: {}. {} outside the masks were negative or not finite and are 0.",
-            source.layout.name(),
+            source.layout,
             plain(&config.generator),
             plain(&config.unit),
             count(source.replaced_values as usize, "value")

@@ -5,12 +5,12 @@ use super::bundle::expect_light;
 use super::datasheet::{Files, datasheet};
 use super::parts::{LAYERS, split, without_layers};
 use super::{Archive, FORMAT, MANIFEST, Manifest, READER, SUMS, Scene, VERSION, sums};
-use crate::config::Layout;
-use crate::console::stop_if_interrupted;
 use crate::exchange::export;
 use crate::files::{NewFolder, remove_folder, write_atomically, write_atomically_with};
+use crate::layout::Layout;
 use crate::observe::{Meter, Observer};
-use crate::report::preview::pictures;
+use crate::preview::pictures;
+use crate::signals::stop_if_interrupted;
 use crate::store::{self, Dataset};
 use crate::{Error, Result};
 use rayon::prelude::*;
@@ -46,7 +46,7 @@ pub struct Packaged {
 /// For a dataset with a fault, and any other failure; then nothing is left behind.
 pub fn release(
     folders: &[PathBuf],
-    layouts: &[Layout],
+    layouts: &[&dyn Layout],
     cc0: bool,
     out: &Path,
     console: &dyn Observer,
@@ -127,7 +127,7 @@ struct Plan {
 }
 
 impl Plan {
-    fn of(dataset: &Dataset, layouts: &[Layout], root: &Path, console: &dyn Observer) -> Result<Self> {
+    fn of(dataset: &Dataset, layouts: &[&dyn Layout], root: &Path, console: &dyn Observer) -> Result<Self> {
         let (config, scene) = (&dataset.config, &dataset.config.scene);
         let place = dataset.root.join(store::MANIFEST);
         let own = fs::read(&place).map_err(Error::io(&place))?;

@@ -5,8 +5,9 @@ use super::bundle::expect_light;
 use super::parts::LAYERS;
 use super::{FORMAT, MANIFEST, MAX_TEXT_BYTES, Manifest, SUMS, Scene, VERSION, sums};
 use crate::config::FileRef;
+use crate::files::is_component;
 use crate::observe::{Meter, Observer};
-use crate::store::{self, is_component, json_error, parse_config};
+use crate::store::{self, parse_config};
 use crate::{Error, Result};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
@@ -126,7 +127,7 @@ fn text(path: &Path) -> Result<Vec<u8>> {
 
 fn read_manifest(path: &Path) -> Result<Manifest> {
     let bytes = text(path)?;
-    let manifest: Manifest = serde_json::from_slice(&bytes).map_err(|error| json_error(path, &error))?;
+    let manifest: Manifest = serde_json::from_slice(&bytes).map_err(Error::json(path))?;
     if manifest.format != FORMAT {
         let what = format!("format is {:?}; expected {FORMAT:?}", manifest.format);
         return Err(Error::invalid(path.display(), what));

@@ -1,8 +1,9 @@
 //! What every consumer of a manifest relies on.
 
 use crate::config::{Config, FORMAT, FileRef, Layer, Page, SunVisibility, VERSION};
-use crate::console::count;
+use crate::files::is_component;
 use crate::image::MAX_SIDE;
+use crate::observe::count;
 use crate::{Error, Result};
 use std::collections::BTreeSet;
 use std::fs;
@@ -217,9 +218,4 @@ pub(crate) fn references(config: &Config) -> impl Iterator<Item = &FileRef> {
     all.chain(&config.sun_path)
         .chain(config.visibility.iter().flat_map(SunVisibility::references))
         .chain(source)
-}
-
-/// Whether a name is one plain component of a path on every system.
-pub(crate) fn is_component(name: &str) -> bool {
-    !name.is_empty() && name != "." && name != ".." && !name.contains(['/', '\\', ':', '\0'])
 }

@@ -114,7 +114,7 @@ impl Dataset {
             let Some(sunlight) = self.sunlight(page)? else { return Ok(()) };
             let tiles = 0..sunlight.visibility.tiles.len();
             tiles.into_iter().try_for_each(|tile| {
-                crate::console::stop_if_interrupted()?;
+                crate::signals::stop_if_interrupted()?;
                 sunlight.visibility.tile(tile).map(drop)
             })
         };

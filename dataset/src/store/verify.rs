@@ -2,9 +2,9 @@
 
 use super::{Dataset, check};
 use crate::config::FileRef;
-use crate::console::count;
 use crate::curve::Curve;
 use crate::image::{self, Mask};
+use crate::observe::count;
 use crate::{Error, Result};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
@@ -144,7 +144,7 @@ impl Dataset {
         check::size(&path, size, page)?;
         let mut wrong: Option<(Error, usize)> = None;
         for y0 in (0..height).step_by(ROWS) {
-            crate::console::stop_if_interrupted()?;
+            crate::signals::stop_if_interrupted()?;
             let texels = image::read_exr_rows(&path, y0, (y0 + ROWS).min(height))?;
             let first = super::refuse_light(&path, width, y0, &texels).err();
             let number = texels.iter().filter(|texel| texel.iter().any(|&v| super::is_bad(v))).count();

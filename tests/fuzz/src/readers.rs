@@ -5,11 +5,12 @@ use baker::scene::Profile;
 use baker::{geometry, scene as scenes};
 use compressor::bundle::{Bundle, checksum};
 use compressor::decode::Decoder;
-use dataset::config::Layout;
 use dataset::console::Console;
 use dataset::curve::Curve;
 use dataset::exchange::{Origin, import};
 use dataset::image::{Image, Mask, read_exr_rows};
+use dataset::layout::hprc1::Hprc1;
+use dataset::layout::hprc2::Hprc2;
 use dataset::normals::Normals;
 use dataset::release::{MANIFEST, SUMS, verify};
 use dataset::store::{Dataset, parse_config};
@@ -108,7 +109,7 @@ pub fn hprc1(scratch: &Path, bytes: &[u8]) -> bool {
             fs::write(folder.join(name("lightmapRawData", time)), light).expect("a file");
         }
     }
-    imported(scratch, &Origin::Folder(Layout::Hprc1, folder))
+    imported(scratch, &Origin::Folder(&Hprc1, folder))
 }
 
 /// The layout `hprc2`: its configuration, a zero byte, the content of `Data/m` (8 bytes), the content of
@@ -120,7 +121,7 @@ pub fn hprc2(scratch: &Path, bytes: &[u8]) -> bool {
     fs::write(folder.join("config.json"), config).expect("a file");
     fs::write(folder.join("Data/m"), mask).expect("a file");
     fs::write(folder.join("Data/l"), light).expect("a file");
-    imported(scratch, &Origin::Folder(Layout::Hprc2, folder))
+    imported(scratch, &Origin::Folder(&Hprc2, folder))
 }
 
 /// A bundle, as it is and with its checksums mended: else most changes would end at them.

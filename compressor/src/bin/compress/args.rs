@@ -1,12 +1,13 @@
 //! The command line as typed.
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use commands::typed::{refuse_misspelt, time_limit};
 use compressor::Result;
 use compressor::compress::{PRESETS, Preset, Shard};
 use compressor::lanes::Tier;
 use compressor::model::{PROFILES, Profile};
 use dataset::console::ConsoleArgs;
-use dataset::typed;
+use dataset::typed::hour;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -148,7 +149,7 @@ pub enum Command {
         /// The bundle.
         bundle: PathBuf,
         /// Time of day: hours from 0 to below 24, such as 18.05 or 18:03.
-        #[arg(long, allow_hyphen_values = true, value_parser = typed::hour)]
+        #[arg(long, allow_hyphen_values = true, value_parser = hour)]
         hour: f64,
         /// The image to write.
         #[arg(long)]
@@ -348,7 +349,7 @@ pub struct Compress {
     /// Plan the training to end after this time, e.g. 90s, 5m, 2h: every tile gets as many steps as the time
     /// allows for all, but at least 200. (Quantisation takes a few seconds per tile regardless of the limit,
     /// and evaluation follows after it. The bytes written depend on the machine and its load.)
-    #[arg(long, value_name = "TIME", value_parser = typed::time_limit, conflicts_with_all = ["target_psnr", "target_bpp"])]
+    #[arg(long, value_name = "TIME", value_parser = time_limit, conflicts_with_all = ["target_psnr", "target_bpp"])]
     pub time_limit: Option<Duration>,
     /// Also write coarser levels for virtual texturing: NAME.1.ndgi at half the resolution, NAME.2.ndgi at a
     /// quarter, until every page fits in one tile (126 texels a side). Texel position p of a page is at p /
@@ -423,6 +424,6 @@ fn parse_positive(text: &str) -> Result<f64, String> {
 
 /// Parses the command line; exits if it is invalid or asks for help.
 pub fn parse() -> Cli {
-    typed::refuse_misspelt::<Cli>("a dataset's folder");
+    refuse_misspelt::<Cli>("a dataset's folder");
     Cli::parse()
 }

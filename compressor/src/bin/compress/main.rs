@@ -6,6 +6,7 @@ mod shards;
 mod view;
 
 use args::{Command, Compare, Compress, LightName, SlowMetricsArgs, Sweep};
+use commands::report::{Report, preview};
 use compressor::bundle::Bundle;
 use compressor::compare::{self, Effort};
 use compressor::compress::{DRAFT, MEDIUM, Options, Rate, default_bundle, light_of};
@@ -20,7 +21,6 @@ use dataset::console::{Console, catch_interrupts, fail};
 use dataset::files::{expect_output, write_atomically};
 use dataset::image::Image;
 use dataset::metrics::Lpips;
-use dataset::report::{Report, preview};
 use dataset::store::Dataset;
 use serde_json::json;
 use std::path::{Path, PathBuf};

@@ -2,7 +2,8 @@
 
 use compressor::Result;
 use compressor::compress::{Options, Shard, Sharded, default_bundle, status as of_shards, train_shard};
-use dataset::console::{Console, count};
+use dataset::console::Console;
+use dataset::observe::count;
 use dataset::store::Dataset;
 use serde_json::json;
 use std::path::{Path, PathBuf};

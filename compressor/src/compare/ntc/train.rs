@@ -10,7 +10,7 @@ use crate::train::kernel::{Adam, Kernel, run};
 use crate::train::network::{CHUNK, Rows};
 use crate::train::optimise::schedule;
 use crate::train::random::Random;
-use dataset::console::stop_if_interrupted;
+use dataset::signals::stop_if_interrupted;
 use half::f16;
 use std::ops::Range;
 

@@ -6,7 +6,7 @@ use super::super::tiles::{Texels, TileSet};
 use super::lapse::Line;
 use super::times::Shown;
 use super::{Picture, SHOWN};
-use dataset::report::preview::{exposure, tone_mapped_png};
+use dataset::preview::{exposure, tone_mapped_png};
 use dataset::store::Dataset;
 use dataset::view::View;
 use serde::Serialize;

@@ -2,7 +2,7 @@
 
 use crate::Result;
 use crate::law::WIDEST;
-use dataset::console::count;
+use dataset::observe::count;
 use dataset::store::Dataset;
 use serde::Serialize;
 

@@ -1,7 +1,7 @@
 //! The page of plots.
 
 use crate::stats::{Row, Stats};
-use dataset::report::plot::Plot;
+use commands::report::plot::Plot;
 use serde_json::Value;
 
 /// A scenario that was played.

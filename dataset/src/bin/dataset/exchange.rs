@@ -1,30 +1,20 @@
 //! `dataset import` and `dataset export`.
 
-use clap::{Args, ValueEnum};
-use dataset::config::Layout;
-use dataset::console::{Console, count};
+use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use dataset::console::Console;
 use dataset::exchange::{Origin, export, import};
+use dataset::layout::{LAYOUTS, Layout, named};
+use dataset::observe::count;
 use dataset::store::Dataset;
 use dataset::{Error, Result};
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Layouts that both commands know.
-#[derive(Clone, Copy, ValueEnum)]
-pub enum LayoutName {
-    /// Folders by light type (Original, DirectionalOnly, SkyLightOnly, LocalOnly, Mask), times 1 to 24.
-    Hprc1,
-    /// config.json, which names every file, and Data/.
-    Hprc2,
-}
-
-impl LayoutName {
-    pub fn layout(self) -> Layout {
-        match self {
-            LayoutName::Hprc1 => Layout::Hprc1,
-            LayoutName::Hprc2 => Layout::Hprc2,
-        }
-    }
+/// Reads the name of a layout.
+pub fn layout() -> impl TypedValueParser<Value = &'static dyn Layout> {
+    let names = LAYOUTS.iter().map(|layout| PossibleValue::new(layout.name()).help(layout.about()));
+    PossibleValuesParser::new(names).map(|name| named(&name).expect("one of the names"))
 }
 
 #[derive(Args)]
@@ -36,8 +26,8 @@ pub struct Import {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// The folder's layout.
-    #[arg(long, conflicts_with = "pattern")]
-    layout: Option<LayoutName>,
+    #[arg(long, conflicts_with = "pattern", value_parser = layout())]
+    layout: Option<&'static dyn Layout>,
     /// The folder contains EXR files with names of this form; {hour} stands for 6, 06 or 5.9 (24 is 0).
     #[arg(long, value_name = "NAME")]
     pattern: Option<String>,
@@ -55,8 +45,8 @@ pub struct Export {
     #[arg(value_name = "DIR")]
     folder: PathBuf,
     /// The layout to write.
-    #[arg(long)]
-    layout: LayoutName,
+    #[arg(long, value_parser = layout())]
+    layout: &'static dyn Layout,
     /// The new folder to write.
     #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
@@ -72,7 +62,7 @@ impl Import {
             ));
         }
         match (self.layout, &self.pattern) {
-            (Some(layout), _) => Ok(Origin::Folder(layout.layout(), from())),
+            (Some(layout), _) => Ok(Origin::Folder(layout, from())),
             (None, Some(pattern)) => Ok(Origin::Pattern {
                 folder: from(),
                 pattern: pattern.clone(),
@@ -80,10 +70,11 @@ impl Import {
                 layer: self.layer.clone(),
             }),
             (None, None) if self.from.extension().is_some_and(|e| e == "toml") => Ok(Origin::Table(from())),
-            (None, None) => Err(Error::invalid(
-                self.from.display(),
-                "expected --layout hprc1 or hprc2, --pattern for EXR files, or a TOML file",
-            )),
+            (None, None) => {
+                let names = LAYOUTS.iter().map(|layout| layout.name()).collect::<Vec<_>>().join(" or ");
+                let what = format!("expected --layout {names}, --pattern for EXR files, or a TOML file");
+                Err(Error::invalid(self.from.display(), what))
+            }
         }
     }
 
@@ -111,7 +102,7 @@ impl Import {
         }
         console.result(&json!({
             "out": self.out,
-            "layout": source.map(|source| source.layout.name()),
+            "layout": source.map(|source| &source.layout),
             "scene": config.scene,
             "pages": config.pages.len(),
             "hours": hours,
@@ -147,7 +138,7 @@ impl Export {
     pub fn run(&self, console: &Console) -> Result<()> {
         let start = std::time::Instant::now();
         let dataset = Dataset::open(&self.folder)?;
-        let exported = export(&dataset, self.layout.layout(), &self.out, console)?;
+        let exported = export(&dataset, self.layout, &self.out, console)?;
         for what in &exported.omitted {
             console.say(format!("omitted: {what}"));
         }
@@ -157,7 +148,7 @@ impl Export {
         console.say(format!("{}: {pages}, {hours}, {files}, {size:.1} MB", self.out.display()));
         console.result(&json!({
             "out": self.out,
-            "layout": self.layout.layout().name(),
+            "layout": self.layout.name(),
             "lightmaps": dataset.config.pages.len(),
             "hours": exported.hours,
             "omitted": exported.omitted,

@@ -2,8 +2,9 @@
 
 use clap::Args;
 use dataset::Result;
-use dataset::console::{Console, count};
+use dataset::console::Console;
 use dataset::halve::{extent, halve};
+use dataset::observe::count;
 use dataset::store::Dataset;
 use serde_json::json;
 use std::path::PathBuf;

@@ -7,9 +7,9 @@ mod release;
 
 use clap::{Parser, Subcommand};
 use dataset::config::{Config, Daylight, Layer};
-use dataset::console::{Console, ConsoleArgs, catch_interrupts, count, fail};
+use dataset::console::{Console, ConsoleArgs, catch_interrupts, fail};
 use dataset::exchange::lightmaps_of;
-use dataset::observe::Meter;
+use dataset::observe::{Meter, count};
 use dataset::store::{Dataset, Verification};
 use dataset::visibility::Visibility;
 use dataset::{Error, Result};
@@ -190,7 +190,7 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
             config.scene, config.generator, config.seed, dataset.version
         )),
         Some(source) => {
-            let (by, layout) = (&config.generator, source.layout.name());
+            let (by, layout) = (&config.generator, &source.layout);
             console.print(format!("{}: imported from the layout {layout} by {by}", config.scene));
             if source.replaced_values > 0 {
                 let replaced = count(source.replaced_values as usize, "value");
@@ -294,7 +294,7 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
             "bytes": bytes,
         })),
         "source": config.source.as_ref().map(|source| json!({
-            "layout": source.layout.name(),
+            "layout": source.layout,
             "replaced_values": source.replaced_values,
             "lightmaps": lightmaps.unwrap_or_default().iter()
                 .map(|lightmap| json!({ "id": lightmap.id, "level": lightmap.level }))
@@ -337,7 +337,7 @@ fn check(console: &Console, folder: &Path) -> Result<ExitCode> {
         }
         Err(error) => return Err(error),
     };
-    if dataset::console::interrupted() {
+    if dataset::signals::interrupted() {
         return Err(Error::Interrupted);
     }
     for fault in &verification.faults {

@@ -1,10 +1,11 @@
 //! `dataset release` and `dataset verify`.
 
-use super::exchange::LayoutName;
+use super::exchange::layout;
 use clap::Args;
 use dataset::Result;
-use dataset::config::Layout;
-use dataset::console::{Console, count};
+use dataset::console::Console;
+use dataset::layout::Layout;
+use dataset::observe::count;
 use dataset::release::{release, verify};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -19,8 +20,8 @@ pub struct Release {
     #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
     /// Adds an archive of the lightmaps in this layout; may be given for both.
-    #[arg(long)]
-    layout: Vec<LayoutName>,
+    #[arg(long, value_parser = layout())]
+    layout: Vec<&'static dyn Layout>,
     /// State in the datasheets that the datasets are released under CC0 1.0; without it they state no
     /// licence.
     #[arg(long)]
@@ -30,9 +31,9 @@ pub struct Release {
 impl Release {
     pub fn run(&self, console: &Console) -> Result<()> {
         let start = std::time::Instant::now();
-        let mut layouts: Vec<Layout> = Vec::new();
-        for layout in self.layout.iter().map(|layout| layout.layout()) {
-            if !layouts.contains(&layout) {
+        let mut layouts: Vec<&dyn Layout> = Vec::new();
+        for &layout in &self.layout {
+            if layouts.iter().all(|other| other.name() != layout.name()) {
                 layouts.push(layout);
             }
         }

@@ -2,7 +2,7 @@
 //! and that all lights have layers or none.
 
 use crate::config::{Baked, Config, Layer, Light, Part};
-use crate::console::count;
+use crate::observe::count;
 
 /// Everything in the layers that is invalid.
 pub(super) fn layers(config: &Config, wrong: &mut impl FnMut(String)) {

@@ -2,7 +2,7 @@
 //! pages that exist.
 
 use crate::config::Config;
-use crate::console::count;
+use crate::observe::count;
 use crate::{Error, Result};
 use gltf::accessor::{Accessor, DataType, Dimensions};
 use gltf::json::Root;

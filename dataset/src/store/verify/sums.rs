@@ -77,7 +77,7 @@ impl Dataset {
         let imported = self.config.source.is_some();
         let mut wrong: Option<(Error, usize)> = None;
         for y0 in (0..height).step_by(ROWS) {
-            crate::console::stop_if_interrupted()?;
+            crate::signals::stop_if_interrupted()?;
             let y1 = (y0 + ROWS).min(height);
             let texels = self.image_rows(map, page, y0, y1)?;
             let sum = shares.sum_rows(self, page, y0, y1)?;

@@ -1,11 +1,11 @@
 //! Pictures of the scene at a few hours, at the top of a report.
 
 use super::Section;
-use crate::Result;
-use crate::config::Config;
-use crate::image::Image;
-use crate::store::Dataset;
-use crate::view::View;
+use dataset::Result;
+use dataset::config::Config;
+use dataset::image::Image;
+use dataset::store::Dataset;
+use dataset::view::View;
 
 /// Hours whose nearest frames are shown: morning, noon, right after an evening switch, midnight.
 const SHOWN_HOURS: [f64; 4] = [6.0, 12.0, 18.1, 0.0];

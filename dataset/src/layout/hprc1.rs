@@ -5,8 +5,9 @@
 //! `SkyLightOnly/` and `LocalOnly/`, the masks in `Mask/`. Time t is t o'clock; 24 is midnight, the hour 0 of
 //! a dataset. Lightmaps are cut by height into `parts` equal files.
 
-use super::plan::{Lightmap, Parts, Planned, PlannedFrame, Resolution, expect_count, to_json};
-use crate::store::json_error;
+use super::{
+    Config, LIGHT_BYTES, Layout, Lightmap, Lightmaps, Parts, Planned, PlannedFrame, Resolution, list,
+};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -14,7 +15,7 @@ use std::path::{Path, PathBuf};
 /// The folder of whole lightmaps.
 const WHOLE: &str = "Original";
 /// The folders of sun, sky and lamps.
-pub(super) const SHARES: [&str; 3] = ["DirectionalOnly", "SkyLightOnly", "LocalOnly"];
+const SHARES: [&str; 3] = ["DirectionalOnly", "SkyLightOnly", "LocalOnly"];
 /// The folder of masks.
 const MASK: &str = "Mask";
 /// Most files that a lightmap is cut into.
@@ -22,12 +23,9 @@ const MAX_PARTS: u32 = 256;
 /// Largest file that is written, in bytes, where the height can be divided.
 const MAX_PART_BYTES: u64 = 1 << 30;
 
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Config {
-    lightmap_count: u64,
-    lightmap_list: Vec<Entry>,
-}
+/// This layout.
+#[derive(Debug)]
+pub struct Hprc1;
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -37,21 +35,57 @@ struct Entry {
     parts: u32,
 }
 
+impl Layout for Hprc1 {
+    fn name(&self) -> &'static str {
+        "hprc1"
+    }
+
+    fn about(&self) -> &'static str {
+        "Folders by light type (Original, DirectionalOnly, SkyLightOnly, LocalOnly, Mask), times 1 to 24"
+    }
+
+    fn shares(&self) -> &'static [&'static str] {
+        &SHARES
+    }
+
+    fn hours(&self) -> &'static str {
+        "only whole hours"
+    }
+
+    fn takes(&self, hour: f64) -> bool {
+        hours().any(|whole| whole == hour)
+    }
+
+    fn refuses(&self, all: &[f64]) -> Option<String> {
+        let missing: Vec<f64> = hours().filter(|hour| !all.contains(hour)).collect();
+        (!missing.is_empty()).then(|| {
+            format!(
+                "no frame at {} h; the layout needs all 24 whole hours: export to hprc2, or bake with --hours 0..24",
+                list(&missing)
+            )
+        })
+    }
+
+    fn parse<'a>(&self, place: &'a Path, config: &[u8]) -> Result<Lightmaps<'a>> {
+        let entries = Config::<Entry>::read(place, config)?;
+        Ok(Box::new(entries.into_iter().map(move |entry| planned(place, &entry))))
+    }
+
+    fn compose(&self, _: &str, lightmaps: &[Lightmap], _: &[f64]) -> Vec<u8> {
+        let entry =
+            |l: &Lightmap| Entry { id: l.id, resolution: Resolution::of(l), parts: parts(l, MAX_PART_BYTES) };
+        Config::write(lightmaps.iter().map(entry).collect())
+    }
+}
+
 /// The hours that the layout holds, ascending.
-pub(super) fn hours() -> impl Iterator<Item = f64> {
+fn hours() -> impl Iterator<Item = f64> {
     (0..24).map(f64::from)
 }
 
 /// The time of an hour of [`hours`]: 1 to 24.
 fn time(hour: f64) -> u32 {
     if hour == 0.0 { 24 } else { hour as u32 }
-}
-
-/// The files that a configuration speaks of, lightmap by lightmap.
-pub(super) fn parse(place: &Path, bytes: &[u8]) -> Result<impl Iterator<Item = Result<Planned>>> {
-    let config: Config = serde_json::from_slice(bytes).map_err(|error| json_error(place, &error))?;
-    expect_count(place, config.lightmap_count, config.lightmap_list.len())?;
-    Ok(config.lightmap_list.into_iter().map(move |entry| planned(place, &entry)))
 }
 
 fn planned(place: &Path, entry: &Entry) -> Result<Planned> {
@@ -80,20 +114,9 @@ fn planned(place: &Path, entry: &Entry) -> Result<Planned> {
     })
 }
 
-/// The configuration of lightmaps that are to be written.
-pub(super) fn compose(lightmaps: &[Lightmap]) -> Vec<u8> {
-    let entry = |l: &Lightmap| Entry {
-        id: l.id,
-        resolution: Resolution { width: l.width, height: l.height },
-        parts: parts(l, MAX_PART_BYTES),
-    };
-    let lightmap_list: Vec<Entry> = lightmaps.iter().map(entry).collect();
-    to_json(&Config { lightmap_count: lightmap_list.len() as u64, lightmap_list })
-}
-
 /// The fewest equal parts of at most this many bytes; one where no number will do.
 fn parts(lightmap: &Lightmap, most: u64) -> u32 {
-    let bytes = u64::from(lightmap.width) * u64::from(lightmap.height) * super::raw::LIGHT_BYTES as u64;
+    let bytes = u64::from(lightmap.width) * u64::from(lightmap.height) * LIGHT_BYTES as u64;
     let divides = |parts: &u32| lightmap.height.is_multiple_of(*parts);
     let fit = (1..=MAX_PARTS).filter(divides).find(|&parts| bytes / u64::from(parts) <= most);
     fit.unwrap_or(1)

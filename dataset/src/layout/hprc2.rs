@@ -4,8 +4,8 @@
 //! `height`}, and `lightmaps` and `masks`, from time keys to names in `Data/`. A time key is the hour × 100:
 //! `"0"` to `"2300"`, and `"590"` and `"1810"` on the lit side of a switch at 6 and 18 h.
 
-use super::plan::{Lightmap, Planned, PlannedFrame, Resolution, expect_count, to_json};
-use crate::store::{is_component, json_error};
+use super::{Config, Layout, Lightmap, Lightmaps, Planned, PlannedFrame, Resolution};
+use crate::files::is_component;
 use crate::{Error, Result};
 use serde::de::{MapAccess, Visitor};
 use serde::ser::SerializeMap;
@@ -14,16 +14,13 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// The folder of all files but the configuration.
-pub(super) const DATA: &str = "Data";
+const DATA: &str = "Data";
 /// Time keys of the frames next to the switches.
 const EXTRAS: [u32; 2] = [590, 1810];
 
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Config {
-    lightmap_count: u64,
-    lightmap_list: Vec<Entry>,
-}
+/// This layout.
+#[derive(Debug)]
+pub struct Hprc2;
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -70,6 +67,55 @@ impl<'de> Deserialize<'de> for Names {
     }
 }
 
+impl Layout for Hprc2 {
+    fn name(&self) -> &'static str {
+        "hprc2"
+    }
+
+    fn about(&self) -> &'static str {
+        "config.json, which names every file, and Data/"
+    }
+
+    fn hours(&self) -> &'static str {
+        "only whole hours, 5.9 and 18.1"
+    }
+
+    fn takes(&self, hour: f64) -> bool {
+        key(hour).is_some()
+    }
+
+    fn lamps_on(&self, hours: &[f64]) -> Option<[f64; 2]> {
+        let has = |extra: &u32| hours.iter().any(|&hour| key(hour) == Some(*extra));
+        EXTRAS.iter().all(has).then_some([18.0, 6.0])
+    }
+
+    fn parse<'a>(&self, place: &'a Path, config: &[u8]) -> Result<Lightmaps<'a>> {
+        let entries = Config::<Entry>::read(place, config)?;
+        Ok(Box::new(entries.into_iter().map(move |entry| planned(place, entry))))
+    }
+
+    fn compose(&self, scene: &str, lightmaps: &[Lightmap], hours: &[f64]) -> Vec<u8> {
+        let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
+        let stem: String = scene.chars().map(plain).collect();
+        let keys: Vec<u32> = hours.iter().filter_map(|&hour| key(hour)).collect();
+        let entry = |l: &Lightmap| {
+            let (id, size) = (l.id, format!("{}_{}", l.width, l.height));
+            let names = |name: &dyn Fn(u32) -> String| {
+                Names(keys.iter().map(|&key| (key.to_string(), name(key))).collect())
+            };
+            Entry {
+                id,
+                level: l.level.clone().unwrap_or_else(|| scene.to_owned()),
+                resolution: Resolution::of(l),
+                lightmaps: names(&|key| format!("lightmapRawData_{stem}_{id}_{size}_{key}.bin_0")),
+                // A mask does not depend on the hour: one file serves all.
+                masks: names(&|_| format!("lightmapCoverage_{stem}_{id}_{size}.bin_0")),
+            }
+        };
+        Config::write(lightmaps.iter().map(entry).collect())
+    }
+}
+
 /// The hour of a time key.
 fn hour(key: &str) -> Option<f64> {
     // As it is written: no sign, no leading zero.
@@ -78,23 +124,11 @@ fn hour(key: &str) -> Option<f64> {
 }
 
 /// The time key of an hour, for those that readers of the layout look for.
-pub(super) fn key(hour: f64) -> Option<u32> {
+fn key(hour: f64) -> Option<u32> {
     let hundredths = (100.0 * hour).round();
     let key = hundredths as u32;
     let exact = (100.0 * hour - hundredths).abs() < 1e-6;
     (exact && key < 2400 && (key.is_multiple_of(100) || EXTRAS.contains(&key))).then_some(key)
-}
-
-/// Whether frames at these hours show the switches of the layout's lamps.
-pub(super) fn shows_switches(hours: &[f64]) -> bool {
-    EXTRAS.iter().all(|&extra| hours.iter().any(|&hour| key(hour) == Some(extra)))
-}
-
-/// The files that a configuration names, lightmap by lightmap.
-pub(super) fn parse(place: &Path, bytes: &[u8]) -> Result<impl Iterator<Item = Result<Planned>>> {
-    let config: Config = serde_json::from_slice(bytes).map_err(|error| json_error(place, &error))?;
-    expect_count(place, config.lightmap_count, config.lightmap_list.len())?;
-    Ok(config.lightmap_list.into_iter().map(move |entry| planned(place, entry)))
 }
 
 fn planned(place: &Path, entry: Entry) -> Result<Planned> {
@@ -136,29 +170,6 @@ fn planned(place: &Path, entry: Entry) -> Result<Planned> {
     })
 }
 
-/// The configuration of lightmaps that are to be written at hours that have a [`key`].
-pub(super) fn compose(scene: &str, lightmaps: &[Lightmap], hours: &[f64]) -> Vec<u8> {
-    let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
-    let stem: String = scene.chars().map(plain).collect();
-    let keys: Vec<u32> = hours.iter().filter_map(|&hour| key(hour)).collect();
-    let entry = |l: &Lightmap| {
-        let (id, size) = (l.id, format!("{}_{}", l.width, l.height));
-        let names = |name: &dyn Fn(u32) -> String| {
-            Names(keys.iter().map(|&key| (key.to_string(), name(key))).collect())
-        };
-        Entry {
-            id,
-            level: l.level.clone().unwrap_or_else(|| scene.to_owned()),
-            resolution: Resolution { width: l.width, height: l.height },
-            lightmaps: names(&|key| format!("lightmapRawData_{stem}_{id}_{size}_{key}.bin_0")),
-            // A mask does not depend on the hour: one file serves all.
-            masks: names(&|_| format!("lightmapCoverage_{stem}_{id}_{size}.bin_0")),
-        }
-    };
-    let lightmap_list: Vec<Entry> = lightmaps.iter().map(entry).collect();
-    to_json(&Config { lightmap_count: lightmap_list.len() as u64, lightmap_list })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -171,6 +182,9 @@ mod tests {
         }
         assert_eq!([0.0, 5.9, 18.1, 23.0].map(key), [0, 590, 1810, 2300].map(Some));
         assert_eq!([20.4, 5.95, 12.0001, 24.0].map(key), [None; 4]);
-        assert!(shows_switches(&[5.9, 6.0, 18.1]) && !shows_switches(&[6.0, 18.1]));
+        assert_eq!(
+            [&[5.9, 6.0, 18.1][..], &[6.0, 18.1]].map(|h| Hprc2.lamps_on(h)),
+            [Some([18.0, 6.0]), None]
+        );
     }
 }

@@ -5,8 +5,8 @@ pub mod plot;
 pub mod preview;
 pub mod scene;
 
-use crate::Result;
 use base64::Engine;
+use dataset::Result;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -84,7 +84,7 @@ impl Report {
 
     /// Writes the page, atomically.
     pub fn write(&self, path: &Path) -> Result<()> {
-        crate::files::write_atomically(path, self.to_html().as_bytes())
+        dataset::files::write_atomically(path, self.to_html().as_bytes())
     }
 }
 
