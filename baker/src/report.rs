@@ -3,7 +3,7 @@
 use crate::Result;
 use crate::bake::check::{Check, FrameCheck};
 use crate::bake::existing::ERRORS;
-use crate::bake::local::{LEAST_IRRADIANCE, LocalErrorSummary, PICTURE_STEP, VISIBLE_PART};
+use crate::bake::local_errors::{LEAST_IRRADIANCE, LocalErrorSummary, PICTURE_STEP, VISIBLE_PART};
 use crate::bake::run::{Integrator, Outcome};
 use crate::bake::state::CELL;
 use dataset::console::count;

@@ -10,7 +10,7 @@ use super::block::{Worker, sum};
 use super::endless_light;
 use super::errors::{Parts, cell_of};
 use super::indirect::Cache;
-use super::local::{CellMap, of_block};
+use super::local_errors::{CellMap, of_block};
 use super::round_summary::{BlockResult, summarise};
 use super::rounds::{Limits, Round, Traced, note, schedule, stops};
 use super::solve::{self, Covered};
