@@ -8,7 +8,7 @@ use baker::bake::existing::{REPORT, replacement_note};
 use baker::bake::facts::{skipped, unwrapped};
 use baker::bake::forecast::{ESCAPE_RAYS, Forecast, forecast, scale};
 use baker::bake::layout_estimate::LayoutEstimate;
-use baker::bake::local::LocalErrorSummary;
+use baker::bake::local_errors::LocalErrorSummary;
 use baker::bake::plan::hour;
 use baker::bake::run::{Denoise, Integrator, Options, Outcome, Preset, bake, prepare};
 use baker::bake::views;

@@ -3,7 +3,7 @@
 use baker::Result;
 use baker::bake::check::{Check, FrameCheck};
 use baker::bake::existing::ERRORS;
-use baker::bake::local::{LEAST_IRRADIANCE, LocalErrorSummary, PICTURE_STEP, VISIBLE_PART};
+use baker::bake::local_errors::{LEAST_IRRADIANCE, LocalErrorSummary, PICTURE_STEP, VISIBLE_PART};
 use baker::bake::run::{Integrator, Outcome};
 use baker::bake::state::CELL;
 use commands::report::Section;

@@ -17,7 +17,7 @@ use baker::atlas::owners::Owners;
 use baker::bake::assemble::Assembler;
 use baker::bake::denoise::{Denoiser, METHOD};
 use baker::bake::layers::{Layers, Part};
-use baker::bake::local::CellMap;
+use baker::bake::local_errors::CellMap;
 use baker::bake::output;
 use baker::bake::run::{Denoise, Options, Prepared, Preset, prepare, with_worker};
 use baker::bake::value::Value;

@@ -4,7 +4,7 @@ use super::check::Chosen;
 use super::errors::{Errors, Sums};
 use super::json;
 use super::layers::{FilteredLayer, Layers, Part, Texel};
-use super::local::{COUNTED_ERRORS, CellMap, LocalErrorSummary, Pieces};
+use super::local_errors::{COUNTED_ERRORS, CellMap, LocalErrorSummary, Pieces};
 use super::plan::Plan;
 use super::post::Dilation;
 use super::seams::{Jump, Seams};

@@ -25,7 +25,7 @@ pub struct Sums {
     /// Sum of values.
     pub light: f64,
     /// Sum of squared standard errors, each ÷ the square of the mean light of its own piece
-    /// ([`super::local`]); 0 where nobody asks for it.
+    /// ([`super::local_errors`]); 0 where nobody asks for it.
     pub local: f64,
     /// `squared_bias`, made relative in the same way.
     pub local_squared_bias: f64,

@@ -2,7 +2,7 @@
 
 use super::assemble::Stored;
 use super::charts::Counts;
-use super::local::COUNTED_ERRORS;
+use super::local_errors::COUNTED_ERRORS;
 use super::options::LayerCount;
 use super::plan::{Plan, hour};
 use super::rounds::Traced;

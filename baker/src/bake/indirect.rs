@@ -1,4 +1,4 @@
-//! Indirect light at the texels of a block: paths that end in the cache, and looks at its bright surfaces.
+//! Indirect light at the texels of a block: paths that end in the cache, and bright-surface samples.
 
 use super::allocate::shared;
 use super::block::{Stream, Worker, sum};
@@ -41,7 +41,7 @@ pub struct Cache<'a> {
 /// What a cell sees of the bright surfaces of one light group, or of daylight.
 struct CellView {
     view: BrightSurfaceView,
-    /// The part of its paths that come with a look at them.
+    /// The part of its paths that come with a sample of them.
     chance: f32,
 }
 
@@ -74,8 +74,8 @@ impl<'a> Cache<'a> {
         Cache { map, halves, bright_surfaces, index, of_many, views }
     }
 
-    /// Each view with the chance of a look: where groups are many, in proportion to the light that arrives
-    /// beside the mean of their layers. Daylight is always looked at.
+    /// Each view with the chance of a sample: where groups are many, in proportion to the light that arrives
+    /// beside the mean of their layers. Daylight is always sampled.
     fn cell_views(&self, views: Vec<Option<BrightSurfaceView>>) -> Vec<Option<CellView>> {
         let mut taken = vec![1.0; views.len()];
         let of_many = &mut taken[self.of_many.clone()];
@@ -99,11 +99,11 @@ const MANY_CLUSTERS: usize = 1024;
 /// Those that a group has at least.
 const LEAST_CLUSTERS: usize = 16;
 
-/// Light groups whose bright surfaces are looked at with each path, on average, where there are more than
+/// Light groups whose bright surfaces are sampled with each path, on average, where there are more than
 /// [`FEW_GROUPS`].
 const BRIGHT_GROUPS_PER_PATH: usize = 2;
 
-/// Of one group's look, whether it is taken: the random number for that.
+/// Whether one group's bright surfaces are sampled: the random number for that.
 const SELECTION: u32 = 0x6c6f_6f6b;
 
 /// An entry of the cache that a path ended at, to be read a few samples later: by then it has come from
@@ -210,8 +210,8 @@ impl Worker<'_> {
         counts
     }
 
-    /// One path, ended where the cache knows the light, and a look at its bright surfaces. What is to be read
-    /// of the cache is put down, and added with `CacheReader::read`; what is met straight of emissive
+    /// One path, ended where the cache knows the light, and a sample of its bright surfaces. What is to be
+    /// read of the cache is put down, and added with `CacheReader::read`; what is met straight of emissive
     /// surfaces goes to `hit_light`.
     pub fn trace_path(
         &self,
@@ -239,7 +239,7 @@ impl Worker<'_> {
             let Some(entry) = map.entry(&transport.space, hit, *is_back, counts) else { return false };
             half.prefetch(entry);
             let mut put = |weight, layers: Range<usize>| pending.push(PendingRead { entry, weight, layers });
-            // What a look at the bright surfaces finds too is shared between both.
+            // What a bright-surface sample finds too is shared between both.
             // (They stand in the order of their layers, which do not overlap.)
             let mut rest = 0;
             let held =

@@ -9,7 +9,7 @@ pub mod work;
 pub mod errors;
 pub mod allocate;
 pub mod block;
-pub mod local;
+pub mod local_errors;
 pub mod unconverged;
 pub mod probe;
 pub mod direct;

@@ -2,7 +2,7 @@
 
 use super::check::Check;
 use super::denoise::{self, Denoised};
-use super::local::LocalErrorSummary;
+use super::local_errors::LocalErrorSummary;
 use super::rounds::Round;
 use crate::light::extra_times;
 use crate::light::schedule::Hours;
@@ -200,7 +200,7 @@ impl Outcome {
     }
 }
 
-/// The local errors of a bake ([`super::local`]).
+/// The local errors of a bake ([`super::local_errors`]).
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct LocalErrors {
     /// Of all frames together; `None` without light.

@@ -11,7 +11,7 @@
 use super::block::{Worker, sum};
 use super::state::{ALL_PROBES, BlockState, PROBES, is_enough};
 use crate::surface::{BLOCK, BlockSurface};
-use crate::trace::clear::Frame;
+use crate::trace::clear::SurfaceAxes;
 use crate::trace::counts::RayCounts;
 use crate::trace::space::{Receiver, SurroundingHits};
 use glam::Vec3;
@@ -98,14 +98,16 @@ impl Worker<'_> {
         counts: &mut RayCounts,
     ) -> bool {
         let space = &self.transport.space;
-        let Some(frame) = points().next().and_then(|first| Frame::new(first, along)) else { return false };
-        if !space.is_clear(&frame, points(), HEADROOM) {
+        let Some(surface_axes) = points().next().and_then(|first| SurfaceAxes::new(first, along)) else {
+            return false;
+        };
+        if !space.is_clear(&surface_axes, points(), HEADROOM) {
             return false;
         }
         // The outermost points in four directions, and the middle one.
         let mut told: [Option<(&Receiver, f64)>; 4] = [None; 4];
         for point in points() {
-            let at = frame.place(point);
+            let at = surface_axes.coordinates_of(point);
             for (k, told) in told.iter_mut().enumerate() {
                 let reach = if k & 1 == 0 { at.x } else { -at.x } + if k & 2 == 0 { at.y } else { -at.y };
                 if told.is_none_or(|(_, farthest)| reach > farthest) {
@@ -154,9 +156,9 @@ impl Worker<'_> {
     ) -> u16 {
         let space = &self.transport.space;
         let along = surface.along(self.atlas, space.geometry, texel);
-        let frame = points.first().and_then(|(_, first)| Frame::new(first, along));
-        let is_clear =
-            frame.is_some_and(|frame| space.is_clear(&frame, points.iter().map(|(_, at)| at), 0.0));
+        let surface_axes = points.first().and_then(|(_, first)| SurfaceAxes::new(first, along));
+        let is_clear = surface_axes
+            .is_some_and(|surface_axes| space.is_clear(&surface_axes, points.iter().map(|(_, at)| at), 0.0));
         let groups = if is_clear { vec![points] } else { self.groups(points, counts) };
         self.probes_of_groups(groups, counts)
     }

@@ -1,7 +1,7 @@
 //! What the blocks of a page reached in a round, all together.
 
 use super::errors::{Errors, Parts, Sums, median};
-use super::local::{CellMap, LocalErrorSummary};
+use super::local_errors::{CellMap, LocalErrorSummary};
 use super::rounds::Round;
 use super::state::CELLS;
 use super::unconverged::Block;

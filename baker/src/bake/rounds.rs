@@ -1,7 +1,7 @@
 //! Rounds of tracing: each brings more samples where they are wanted, so that an estimate with its error
 //! exists early and improves to the end. Here: when to stop, and what a round and all of them reached.
 
-use super::local::LocalErrorSummary;
+use super::local_errors::LocalErrorSummary;
 use crate::trace::counts::RayCounts;
 use dataset::observe::count;
 use serde::{Deserialize, Serialize};
@@ -47,8 +47,8 @@ pub struct Round {
     /// Mean light of every frame over the whole page, of the layers this run traces.
     #[serde(alias = "set_means")]
     pub frame_means: Vec<f64>,
-    /// Local errors over all cells and frames, of the layers this run traces ([`super::local`]); `None`
-    /// without light.
+    /// Local errors over all cells and frames, of the layers this run traces ([`super::local_errors`]);
+    /// `None` without light.
     #[serde(default)]
     pub local: Option<LocalErrorSummary>,
     /// Those of every frame.

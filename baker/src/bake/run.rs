@@ -15,7 +15,7 @@ use super::json;
 use super::kept;
 use super::layers::{FilteredLayer, Layers, Texel};
 use super::layout_estimate::LayoutEstimate;
-use super::local::CellMap;
+use super::local_errors::CellMap;
 use super::output::OutputFolder;
 use super::rounds::{Traced, guaranteed_samples};
 use super::state::SumKinds;

@@ -3,7 +3,7 @@
 
 use super::errors::{Parts, Sums};
 use super::layers::{FilteredLayer, Layers, Part, Texel};
-use super::local::{CellMap, LocalErrorSummary, Pieces};
+use super::local_errors::{CellMap, LocalErrorSummary, Pieces};
 use super::unconverged::{TargetJudgement, UnconvergedCells};
 use super::value::Value;
 use crate::Result;

@@ -10,7 +10,7 @@ use super::block::{Worker, sum};
 use super::endless_light;
 use super::errors::{Parts, cell_of};
 use super::indirect::Cache;
-use super::local::{CellMap, of_block};
+use super::local_errors::{CellMap, of_block};
 use super::round_summary::{BlockResult, summarise};
 use super::rounds::{Limits, Round, Traced, note, schedule, stops};
 use super::solve::{self, Covered};
@@ -468,7 +468,7 @@ impl Tracer<'_> {
         Ok(Some(steps))
     }
 
-    /// Brings blocks that were lost through the way of all others.
+    /// Brings blocks that were lost through the steps of all others.
     fn retrace(&self, lost: &[usize], history: &BlockHistory, console: &dyn Observer) -> Result<RayCounts> {
         let progress = console.progress("tracing again", lost.len() as u64);
         let of_block = |&block: &usize| {
@@ -482,7 +482,7 @@ impl Tracer<'_> {
         Ok(rays)
     }
 
-    /// A block as the steps of the way left it. One that is missing, damaged, or behind them is traced again.
+    /// A block as all steps left it. One that is missing, damaged, or behind them is traced again.
     pub fn block_state(
         &self,
         block: usize,

@@ -5,7 +5,7 @@
 //! mean over both would be too dark. The texels around know of paths that this cell's have not found.
 
 use super::errors::Sums;
-use super::local::{CellMap, Grid, LocalErrorSummary, error};
+use super::local_errors::{CellMap, Grid, LocalErrorSummary, error};
 use super::state::CELLS;
 
 /// Cells so far to every side are asked: paths that one sample in some ten thousand finds are known to them

@@ -115,8 +115,8 @@ impl<'a> Groups<'a> {
         }
     }
 
-    /// What a material of a file emits under a look: what that says, else what the file says. `named` are the
-    /// names of node, mesh and material that are not empty; `place` is the material's file and its number
+    /// What a material of a file emits under overrides: what they say, else what the file says. `named` are
+    /// the names of node, mesh and material that are not empty; `place` is the material's file and its number
     /// there.
     pub fn emission(
         &mut self,

@@ -54,7 +54,7 @@ pub(crate) struct Source {
     pub node: Option<usize>,
     /// Where it stands relative to its node, and as which of the node's instances.
     pub repeat: Option<(usize, DMat4)>,
-    /// What of its material the scene file gives another look.
+    /// What of its material the scene file overrides.
     pub changed: Changed,
 }
 
@@ -70,7 +70,7 @@ pub(crate) struct Changed {
 }
 
 impl Changed {
-    /// What a look replaces.
+    /// What overrides replace.
     pub(super) fn by(overrides: &SurfaceOverrides) -> Self {
         let colour = overrides.albedo.is_some();
         Changed {

@@ -31,8 +31,8 @@ pub(super) fn fits(pattern: &str, name: &str) -> bool {
     pattern[p..].iter().all(|&c| c == '*')
 }
 
-/// What holds for a mesh with these names: the object's look, then its parts in order. Sets `matched` of the
-/// parts that fit.
+/// What holds for a mesh with these names: the object's overrides, then those of its parts in order. Sets
+/// `matched` of the parts that fit.
 pub(super) fn resolve(object: &Object, names: &[&str], matched: &mut [bool]) -> SurfaceOverrides {
     let mut overrides = object.overrides.clone();
     for (part, matched) in object.parts.iter().zip(matched) {
@@ -107,9 +107,9 @@ impl MaterialStore {
         glass.as_ref().is_some_and(|glass| most_kept(glass, material.alpha) == 0.0)
     }
 
-    /// The index of a file's material under a look, and whether `albedo_max` limits what it reflects (it does
-    /// not limit the look's own albedo). `tint` is the brightest of the vertex colours, where there are any;
-    /// `emission` is what it emits under that look.
+    /// The index of a file's material under overrides, and whether `albedo_max` limits what it reflects (it
+    /// does not limit their own albedo). `tint` is the brightest of the vertex colours, where there are any;
+    /// `emission` is what it emits under them.
     pub fn add(
         &mut self,
         file: &FileMaterial,

@@ -19,7 +19,7 @@ const MOST_FACETS_ALONG: u32 = 1024;
 const MOST_FACETS: u64 = 1 << 24;
 /// Facets this many times as bright as the mean are lights.
 const BRIGHT_FACTOR: f32 = 4.0;
-/// They are worth a look where they hold this part of the light's second moment over all surfaces, and so
+/// They are worth sampling where they hold this part of the light's second moment over all surfaces, and so
 /// about of the variance of what paths find by chance (0.91 for daylight in the scene `room`, 0.39 in `yard`,
 /// 0.98 and more for lamps).
 const LEAST_SHARE: f64 = 0.5;

@@ -4,7 +4,7 @@
 //! the balance heuristic.
 //!
 //! Daylight has facets of its own, shared by all its layers, and so has every group. Of more than a few
-//! groups some are looked at with each path ([`super::light_subset`]). A facet is chosen in proportion to √Σ
+//! groups some are sampled with each path ([`super::light_subset`]). A facet is chosen in proportion to √Σ
 //! (its light ÷ the layer's mean)² over those layers, the best choice for the sum of their relative
 //! variances; and by how much of it arrives at the receiver, which a [`BrightSurfaceView`] holds for clusters
 //! of facets, shadows included.
@@ -66,7 +66,7 @@ pub struct BrightSurfaceView {
 }
 
 impl BrightSurfaceView {
-    /// Light that arrives from all of them, relative to the mean of their layers: what looking there is
+    /// Light that arrives from all of them, relative to the mean of their layers: what sampling them is
     /// worth.
     pub fn worth(&self) -> f32 {
         self.arrives
@@ -227,7 +227,7 @@ impl BrightSurfaces {
         &self.facets
     }
 
-    /// The density over area with which a look gives a point of a facet.
+    /// The density over area with which a sample gives a point of a facet.
     pub fn density(&self, view: &BrightSurfaceView, facet: usize) -> f32 {
         let facet = &self.facets[facet];
         let k = facet.cluster as usize;

@@ -5,22 +5,22 @@ use glam::{DVec3, Vec3};
 
 /// Axes along a flat surface, the third one its normal, about a point of it.
 #[derive(Clone, Copy, Debug)]
-pub struct Frame {
+pub struct SurfaceAxes {
     origin: Vec3,
     axes: [DVec3; 3],
 }
 
-impl Frame {
-    /// The frame of a point's surface; its first axis runs along `along` as far as the surface allows. `None`
+impl SurfaceAxes {
+    /// The axes of a point's surface; its first axis runs along `along` as far as the surface allows. `None`
     /// where that is nowhere.
     pub fn new(at: &Receiver, along: Vec3) -> Option<Self> {
         let normal = at.face_normal.as_dvec3().try_normalize()?;
         let u = along.as_dvec3().reject_from_normalized(normal).try_normalize()?;
-        Some(Frame { origin: at.origin, axes: [u, normal.cross(u), normal] })
+        Some(SurfaceAxes { origin: at.origin, axes: [u, normal.cross(u), normal] })
     }
 
-    /// Where a point lies in the frame, in metres.
-    pub fn place(&self, at: &Receiver) -> DVec3 {
+    /// Where a point lies along the axes, in metres.
+    pub fn coordinates_of(&self, at: &Receiver) -> DVec3 {
         self.coordinates(at.origin)
     }
 
@@ -36,7 +36,7 @@ impl Space<'_> {
     /// every two of the points. False where nothing is known.
     pub fn is_clear<'p>(
         &self,
-        frame: &Frame,
+        axes: &SurfaceAxes,
         points: impl Iterator<Item = &'p Receiver>,
         headroom: f32,
     ) -> bool {
@@ -46,10 +46,10 @@ impl Space<'_> {
         const STRAY: f64 = 4.0 * f32::EPSILON as f64;
         let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         for point in points {
-            if point.face_normal.as_dvec3().dot(frame.axes[2]) < FLAT {
+            if point.face_normal.as_dvec3().dot(axes.axes[2]) < FLAT {
                 return false;
             }
-            let at = frame.place(point);
+            let at = axes.coordinates_of(point);
             (low, high) = (low.min(at), high.max(at));
         }
         let size = high - low;
@@ -60,9 +60,9 @@ impl Space<'_> {
         let stray = STRAY * size.max_element();
         (low, high) = (low - stray, high + stray);
         high.z += f64::from(headroom) * side;
-        let [u, v, n] = frame.axes;
+        let [u, v, n] = axes.axes;
         let middle = 0.5 * (low + high);
-        let middle = frame.origin.as_dvec3() + u * middle.x + v * middle.y + n * middle.z;
+        let middle = axes.origin.as_dvec3() + u * middle.x + v * middle.y + n * middle.z;
         let half = 0.5 * (high - low);
         let half = u.abs() * half.x + v.abs() * half.y + n.abs() * half.z;
         // (Rounded outwards.)
@@ -71,7 +71,7 @@ impl Space<'_> {
         // A triangle stands in the way unless it lies beside the surface, over it, or below all points, as
         // the surface itself does.
         !self.ray_tracer.any_in_box(from, to, |_, corners| {
-            let [a, b, c] = corners.map(|corner| frame.coordinates(corner));
+            let [a, b, c] = corners.map(|corner| axes.coordinates(corner));
             a.min(b).min(c).cmple(high).all() && a.max(b).max(c).cmpge(low).all()
         })
     }

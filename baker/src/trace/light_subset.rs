@@ -2,7 +2,7 @@
 //! that chance. No layer's mean depends on the chances, only its noise and the number of rays.
 //!
 //! Which ones are sampled is a systematic sample (Madow 1949): the chances lie end to end on a line, and one
-//! random number sets a comb of unit spacing over it. So the number of those sampled differs by one at most,
+//! random number sets marks of unit spacing over it. So the number of those sampled differs by one at most,
 //! and random numbers that are spread evenly over the samples of a texel sample every group its share of
 //! times.
 
@@ -35,12 +35,12 @@ pub fn chances(worth: &mut [f32], selected: usize) {
 
 /// Tells of one sample which are sampled, one after the other.
 pub struct SystematicSampler {
-    /// Where on the line the next one begins; the teeth stand at whole numbers.
+    /// Where on the line the next one begins; the marks stand at whole numbers.
     at: f64,
 }
 
 impl SystematicSampler {
-    /// A comb set by a uniform number in [0, 1).
+    /// Marks set by a uniform number in [0, 1).
     pub fn new(u: f32) -> Self {
         SystematicSampler { at: f64::from(u) }
     }

@@ -139,13 +139,13 @@ impl Lights {
         self.hit_index_of_group.iter().flatten().count() + self.sky_among_hit_lights().len()
     }
 
-    /// The indices of the sky's layers among what is met.
+    /// The indices of the sky's layers among the hit lights.
     fn sky_among_hit_lights(&self) -> std::ops::Range<usize> {
         let groups = self.hit_index_of_group.iter().flatten().count();
         groups..groups + if self.is_sky_apart { self.sky.lit.len() } else { 0 }
     }
 
-    /// What is met, each by its layer and its index.
+    /// The hit lights, each by its layer and its index.
     pub fn layers_of_hit_lights(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         let indices = self.hit_index_of_group.iter().enumerate();
         let groups = indices.filter_map(|(group, index)| Some((self.group_layer(group), (*index)?)));

@@ -7,7 +7,7 @@ use super::space::{Receiver, Space};
 use crate::Rgb;
 use glam::Vec3;
 
-/// Points that look first; where all see the same, no more do.
+/// Points that are asked first; where all see the same, no more are.
 const FIRST_POINTS: usize = 8;
 
 /// Difference between what points see up to which they see the same.

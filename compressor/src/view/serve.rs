@@ -64,7 +64,7 @@ pub fn serve(server: &Server, source: Source) -> Result<()> {
     Ok(())
 }
 
-/// A request: its method, path, and the range of bytes that it wants.
+/// A request: its method, path, and the range of bytes asked for.
 struct Request {
     method: String,
     path: String,

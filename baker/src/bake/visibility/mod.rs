@@ -79,7 +79,7 @@ impl<'a> VisibilityBaker<'a> {
     /// [`Error::Io`].
     ///
     /// # Panics
-    /// Of a course with more times than [`visibility::MOST_TIMES`].
+    /// Of more times than [`visibility::MOST_TIMES`].
     pub fn new(
         prepared: &'a Prepared,
         worker: &'a Worker<'a>,
@@ -272,7 +272,7 @@ impl<'a> VisibilityBaker<'a> {
         VisibilitySampler::new(points.collect())
     }
 
-    /// Per time of the course, the light that came straight from its sun where a layer holds it, ÷ the sun's
+    /// Per time, the light that came straight from its sun where a layer holds it, ÷ the sun's
     /// irradiance: per texel of a tile. (Black where the sun gives none of a colour.)
     fn traced(&self, texels: &[usize], by_texel: &[Option<usize>]) -> Result<Vec<Option<Vec<Rgb>>>> {
         let plan = &self.prepared.plan;

@@ -40,13 +40,13 @@ impl KnownVisibility {
     }
 }
 
-/// The suns of a course, ready to be looked at.
+/// The suns of all times, ready for sampling.
 pub struct SunAtTimes {
     suns: Vec<(SunLight, Vec3)>,
 }
 
 impl SunAtTimes {
-    /// Those of a course.
+    /// Those of these times.
     pub fn new(times: &VisibilityTimes) -> Self {
         let of_disc = |disc: &SunDisc| (SunLight::new(*disc), mean_direction(disc).as_vec3());
         SunAtTimes { suns: times.suns.iter().map(of_disc).collect() }
