@@ -10,7 +10,7 @@
 //!
 //! per red, green and blue.
 
-use crate::store::read_json;
+use crate::files::read_json;
 use crate::visibility::Between;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};

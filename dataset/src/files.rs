@@ -279,6 +279,11 @@ fn folder_of(path: &Path) -> Option<&Path> {
     }
 }
 
+/// Reads a JSON file.
+pub(crate) fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
+    serde_json::from_slice(&fs::read(path).map_err(Error::io(path))?).map_err(Error::json(path))
+}
+
 /// Whether a name is one plain component of a path on every system.
 pub(crate) fn is_component(name: &str) -> bool {
     !name.is_empty() && name != "." && name != ".." && !name.contains(['/', '\\', ':', '\0'])

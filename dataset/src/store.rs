@@ -2,7 +2,7 @@
 
 use crate::config::version1::Config1;
 use crate::config::{Config, FileRef, Light, Noise, VERSION};
-use crate::files::is_component;
+use crate::files::{is_component, read_json};
 use crate::image::{self, Image, Mask};
 use crate::observe::count;
 use crate::tiles::{TILE, grid};
@@ -225,11 +225,6 @@ fn parse(place: &Path, bytes: &[u8]) -> Result<(Config, u32)> {
     };
     let config = config.map_err(Error::json(place))?;
     Ok((config, version.map_or(0, |version| version as u32)))
-}
-
-/// Reads a JSON file.
-pub(crate) fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
-    serde_json::from_slice(&read(path)?).map_err(Error::json(path))
 }
 
 /// Every string under a key `path`, as manifests of any version refer to files.

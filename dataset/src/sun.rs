@@ -1,7 +1,7 @@
 //! The sun over the day, and what it gives a surface: the file that [`crate::config`] names as the sun's
 //! path.
 
-use crate::store::read_json;
+use crate::files::read_json;
 use crate::visibility::Between;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};

@@ -1,12 +1,12 @@
 //! A bundle on a device.
 
 use crate::load::Data;
-use crate::place;
+use crate::place::{self, Site};
 use crate::request::{DecodeParams, Options, Request, Target, Work};
 use crate::stage::{self, Stage};
 use crate::sun::{Held, Seen};
 use crate::survey::Survey;
-use crate::tile::{self, Full, Maps, Placed, Site};
+use crate::tile::{self, Full, Maps, Placed};
 use crate::{Error, Result};
 use ndgi::Bundle;
 use ndgi::at::At;

@@ -5,6 +5,17 @@ use ndgi::model::STORED;
 /// A rectangle's position: x, y, layer.
 pub(crate) type Spot = [u32; 3];
 
+/// Where a tile lies on the device.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Site {
+    /// Where its part of the resident buffer begins, in words.
+    pub resident: u32,
+    /// Where its part of the interval's buffer begins, in words.
+    pub interval: u32,
+    /// Its maps of BC7, in the order of [`maps`](crate::survey::maps).
+    pub maps: Vec<Spot>,
+}
+
 /// Least and largest side of a layer.
 const SIDES: [u32; 2] = [128, 2048];
 

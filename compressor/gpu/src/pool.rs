@@ -1,13 +1,13 @@
 //! Some tiles of one or several bundles on a device, in numbered slots that are filled and emptied.
 
 use crate::features::{Features, Interval, Known};
-use crate::place::Lattice;
+use crate::place::{Lattice, Site};
 use crate::request::{DecodeParams, Options, Request, SlotRequest, Target, Work};
 use crate::shader::Output;
 use crate::stage::{self, Stage};
 use crate::sun::Held;
 use crate::survey::Survey;
-use crate::tile::{self, Full, Placed, Site};
+use crate::tile::{self, Full, Placed};
 use crate::{Error, Result};
 use ndgi::Bundle;
 use ndgi::at::{At, SunAt};

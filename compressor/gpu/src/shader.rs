@@ -1,5 +1,7 @@
-//! The compute shader's text: `decode.wgsl`, with the network of a width and precision unrolled.
+//! The compute shader: its text, `decode.wgsl`, with the network of a width and precision unrolled, and the job
+//! that it reads for a tile.
 
+use bytemuck::{Pod, Zeroable};
 use std::fmt::Write;
 
 /// The shader with its places still empty.
@@ -11,6 +13,42 @@ const COLUMNS: usize = 128;
 
 /// Texels of F_uvt that a strip reads where that is as large as the tile.
 const MOST_COARSE: usize = (STRIP + 1) * COLUMNS;
+
+// What a job has, as the shader knows it.
+pub(crate) const HAS_MAPS: u32 = 1;
+pub(crate) const HAS_UVT: u32 = 2;
+pub(crate) const HAS_UV: u32 = 4;
+pub(crate) const HAS_UT: u32 = 8;
+pub(crate) const HAS_VT: u32 = 16;
+pub(crate) const HAS_SUN: u32 = 32;
+pub(crate) const HAS_COLOUR: u32 = 64;
+pub(crate) const HAS_WORDS: u32 = 128;
+pub(crate) const IS_PAPERS: u32 = 256;
+
+/// `Job` of the shader but for its biases, field by field.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct Job {
+    pub size: [u32; 2],
+    pub has: u32,
+    pub weights: u32,
+    pub own: [u32; 4],
+    pub to: [i32; 2],
+    pub share_of_slice: f32,
+    pub share_of_row: f32,
+    pub uv: [u32; 4],
+    pub first: [u32; 4],
+    pub second: [u32; 4],
+    pub uvt: [u32; 2],
+    pub ut: [u32; 2],
+    pub vt: [u32; 2],
+    pub sides: [u32; 2],
+    pub mean: [f32; 4],
+    pub direction: [f32; 4],
+    pub irradiance: [f32; 4],
+    pub seen: [u32; 4],
+    pub normals: [u32; 4],
+}
 
 /// The precision of the network. Features, light and the sun are always in single precision.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]

@@ -2,9 +2,9 @@
 //! tiles.
 
 use crate::request::{DecodeParams, Options, Request, Target, Work};
-use crate::shader::{self, Output, Precision, Shader};
+use crate::shader::{self, Job, Output, Precision, Shader};
 use crate::survey::Survey;
-use crate::tile::{self, Full, Job};
+use crate::tile::{self, Full};
 use crate::{Error, Result};
 use ndgi::Bundle;
 use ndgi::sun::Shadows;

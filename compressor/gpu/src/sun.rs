@@ -1,7 +1,8 @@
 //! A tile's sun data as the shader reads them: resident normals, and visibility that changes from one
 //! interval to the next.
 
-use crate::tile::{HAS_COLOUR, HAS_SUN, HAS_WORDS, Job, Site};
+use crate::place::Site;
+use crate::shader::{HAS_COLOUR, HAS_SUN, HAS_WORDS, Job};
 use ndgi::at::SunAt;
 use ndgi::sun::{Block, TileSun};
 use std::collections::BTreeMap;

@@ -1,53 +1,17 @@
 //! A tile's data as the shader reads them: resident maps, and the job for one time.
 
-use crate::place::Spot;
+use crate::place::Site;
 use crate::request::Request;
-use crate::shader;
+use crate::shader::{self, HAS_MAPS, HAS_UT, HAS_UV, HAS_UVT, HAS_VT, IS_PAPERS, Job};
 use crate::sun::{Held, Seen};
-use bytemuck::{Pod, Zeroable};
 use ndgi::Bundle;
 use ndgi::at::SunAt;
 use ndgi::decode::{Inputs, Lights, along_tau};
 use ndgi::model::{BORDER, Shape, TileParams};
 use ndgi::time::{Coding, TimePoint, Timeline};
 
-const HAS_MAPS: u32 = 1;
-const HAS_UVT: u32 = 2;
-const HAS_UV: u32 = 4;
-const HAS_UT: u32 = 8;
-const HAS_VT: u32 = 16;
-pub(crate) const HAS_SUN: u32 = 32;
-pub(crate) const HAS_COLOUR: u32 = 64;
-pub(crate) const HAS_WORDS: u32 = 128;
-const IS_PAPERS: u32 = 256;
-
 /// Beyond this a value does not fit into a 16-bit float.
 const HALF_MAX: f32 = 65504.0;
-
-/// `Job` of the shader but for its biases, field by field.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub(crate) struct Job {
-    pub size: [u32; 2],
-    pub has: u32,
-    pub weights: u32,
-    pub own: [u32; 4],
-    pub to: [i32; 2],
-    pub share_of_slice: f32,
-    pub share_of_row: f32,
-    pub uv: [u32; 4],
-    pub first: [u32; 4],
-    pub second: [u32; 4],
-    pub uvt: [u32; 2],
-    pub ut: [u32; 2],
-    pub vt: [u32; 2],
-    pub sides: [u32; 2],
-    pub mean: [f32; 4],
-    pub direction: [f32; 4],
-    pub irradiance: [f32; 4],
-    pub seen: [u32; 4],
-    pub normals: [u32; 4],
-}
 
 /// What is known of a tile's section of features; its large maps are on the device.
 #[derive(Debug)]
@@ -59,17 +23,6 @@ pub(crate) struct Maps {
     vt: u32,
     /// Whether its network may be evaluated in 16 bits.
     pub fits_half: bool,
-}
-
-/// Where a tile lies on the device.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Site {
-    /// Where its part of the resident buffer begins, in words.
-    pub resident: u32,
-    /// Where its part of the interval's buffer begins, in words.
-    pub interval: u32,
-    /// Its maps of BC7, in the order of [`maps`](crate::survey::maps).
-    pub maps: Vec<Spot>,
 }
 
 /// A tile with its place on the device.

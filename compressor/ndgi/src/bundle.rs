@@ -10,7 +10,8 @@ mod payload;
 mod resident;
 mod sun;
 
-pub use payload::{Payload, Section, blocks_len, encode_payload, full_len};
+pub use crate::model::Section;
+pub use payload::{Payload, blocks_len, encode_payload, full_len};
 pub use resident::rounded_means;
 pub use sun::SunSections;
 

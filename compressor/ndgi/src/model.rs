@@ -422,6 +422,15 @@ pub fn gelu(x: f32) -> f32 {
     x * (0.5 + y * (p1 * (y * y) + p0))
 }
 
+/// A section of a tile, encoded.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Section {
+    /// Its word in the index; for features, [`Contents::word`] and which maps omit grey blocks.
+    pub word: u32,
+    /// The bytes, a multiple of 16; empty if the tile has no such section.
+    pub bytes: Vec<u8>,
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

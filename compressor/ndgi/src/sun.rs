@@ -11,6 +11,7 @@ pub use planes::{Coder, Counts};
 pub use shadows::{Block, ENTRIES, MOST, SIDE, STEPS, Shadows, UNIT, Word, encode as encode_shadows};
 pub use tables::Tables;
 
+use crate::model::Section;
 use planes::Decoder;
 
 /// The sun's path by the minute, or less often where it moves evenly. Between two times direction and
@@ -274,7 +275,7 @@ impl TileSun {
     ///
     /// # Panics
     /// Unless there is a level for each texel, time and channel.
-    pub fn encode(&self, coder: &Coder) -> crate::bundle::Section {
+    pub fn encode(&self, coder: &Coder) -> Section {
         let channels = self.channels();
         assert_eq!(self.levels.len(), channels * self.times * self.width * self.height, "levels of the tile");
         let even: Vec<Option<u16>> = self.planes().map(Self::even).collect();
@@ -282,7 +283,7 @@ impl TileSun {
         if even.iter().all(|even| *even == Some(DARK))
             && self.normals.as_flattened().iter().all(|n| *n == 0.0)
         {
-            return crate::bundle::Section::default();
+            return Section::default();
         }
         let (count, normals) = normals::encode(&self.normals, self.width);
         let mut bytes = Vec::new();
@@ -303,7 +304,7 @@ impl TileSun {
         let has_normals = if normals.is_empty() { 0 } else { 4 };
         bytes.extend(normals);
         bytes.resize(bytes.len().next_multiple_of(16), 0);
-        crate::bundle::Section { word: channels | has_normals | (count as u32) << 8, bytes }
+        Section { word: channels | has_normals | (count as u32) << 8, bytes }
     }
 }
 

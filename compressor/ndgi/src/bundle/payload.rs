@@ -3,17 +3,8 @@
 use super::{ALIGN, resident};
 use crate::bc7;
 use crate::half::F16;
-use crate::model::{Contents, Knot, Shape, TileParams};
+use crate::model::{Contents, Knot, Section, Shape, TileParams};
 use crate::time::Axis;
-
-/// A section of a tile, encoded.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Section {
-    /// Its word in the index; for features, [`Contents::word`] and which maps omit grey blocks.
-    pub word: u32,
-    /// The bytes, a multiple of 16; empty if the tile has no such section.
-    pub bytes: Vec<u8>,
-}
 
 /// A tile, encoded. The default is black at all times.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

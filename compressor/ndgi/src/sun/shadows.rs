@@ -4,7 +4,7 @@
 //! Codewords are not entropy-coded. A reader adds up at most 15 lengths and 15 counts to find those of a
 //! texel, so a shader could read the section unchanged; `ndgi-gpu` repacks it by block.
 
-use crate::bundle::Section;
+use crate::model::Section;
 
 /// Steps from one time to the next. At the 11 ends within codewords are added; between ends visibility is
 /// linear.

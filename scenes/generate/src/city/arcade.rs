@@ -1,7 +1,7 @@
 //! The arcade: piers and arches along the street, groined vaults behind them, shops under the vaults.
 
 use super::facade::door_hole;
-use super::houses::{Ground, House, Kit};
+use super::house::{Ground, House, Kit};
 use super::{GROUND, PAVED, Site, shops};
 use crate::mesh::Mesh;
 use crate::model::Model;
@@ -75,7 +75,7 @@ pub fn build(model: &mut Model, kit: &Kit, site: &Site, house: &House, width: f6
     for (x, shop) in [(xs[0], first), (xs[2], second)] {
         kit.shops.place(model, &site.within(x, 0.0, back, 0.0), shop);
     }
-    site.within(xs[1], PAVED, back, 0.0).place(model, &kit.openings.door);
+    site.within(xs[1], PAVED, back, 0.0).place(model, &kit.door);
     // The floor, and the walls that close the ends.
     let mut floor =
         full(&[back - 0.05, -0.05], &steps(0.0, width, 3), |z, x| DVec3::new(x, PAVED + 0.004, z));

@@ -1,7 +1,7 @@
 //! The houses on the cut corners: three fronts, a flat roof behind a parapet, a dome on some.
 
 use super::facade::{door_hole, hole, pierced};
-use super::houses::{Kit, filling};
+use super::house::{Kit, filling};
 use super::openings::Kind;
 use super::{Block, CHAMFER, DEPTH, END, FOOT, GROUND, PAVED, STOREY, Site};
 use crate::mesh::Mesh;
@@ -97,7 +97,7 @@ fn street_level(model: &mut Model, kit: &Kit, front: &Front, name: &str, number:
         let x = front.width * (a as f64 + 0.5) / front.axes as f64;
         if front.axes == 1 {
             holes.push(door_hole(x));
-            front.site.within(x, PAVED, 0.0, 0.0).place(model, &kit.openings.door);
+            front.site.within(x, PAVED, 0.0, 0.0).place(model, &kit.door);
         } else {
             let (kind, floor) = (Kind::French, 0.75);
             holes.push(hole(kind, x, floor));

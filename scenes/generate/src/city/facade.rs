@@ -3,7 +3,7 @@
 
 use super::balconies::BAY_HALF;
 use super::doors::DOOR;
-use super::houses::{Extra, Ground, House, Kit, filling};
+use super::house::{Extra, Ground, House, Kit, filling};
 use super::openings::Kind;
 use super::shops;
 use super::{DEPTH, FOOT, GROUND, PAVED, STOREY, Site};
@@ -39,7 +39,7 @@ pub fn build(model: &mut Model, kit: &Kit, site: &Site, house: &House, width: f6
             let mut holes: Vec<Rect> = wanted.iter().map(|&(x, _)| shops::opening(x)).collect();
             holes.push(door_hole(door));
             pierced(model, site, &name, house.walls[1], [0.0, FOOT, width, GROUND], &holes);
-            site.within(door, PAVED, 0.0, 0.0).place(model, &kit.openings.door);
+            site.within(door, PAVED, 0.0, 0.0).place(model, &kit.door);
             for (x, shop) in wanted {
                 kit.shops.place(model, &site.within(x, 0.0, 0.0, 0.0), shop);
             }
@@ -117,7 +117,7 @@ fn street_windows(model: &mut Model, kit: &Kit, site: &Site, house: &House, widt
         let x = width * (a as f64 + 0.5) / house.axes as f64;
         if a == middle {
             holes.push(door_hole(x));
-            site.within(x, PAVED, 0.0, 0.0).place(model, &kit.openings.door);
+            site.within(x, PAVED, 0.0, 0.0).place(model, &kit.door);
         } else {
             let kind = Kind::Sash;
             holes.push(hole(kind, x, floor));

@@ -17,6 +17,7 @@ mod corner;
 mod doors;
 mod facade;
 mod furniture;
+mod house;
 mod houses;
 mod kiosk;
 mod lamps;

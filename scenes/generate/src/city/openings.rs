@@ -60,11 +60,9 @@ impl Kind {
 
 /// What stands behind the panes: nothing, curtains, a blind, or a lamp in the evening.
 pub const FILLINGS: usize = 4;
-/// Meshes of every kind with every filling, and of the door.
+/// Meshes of every kind with every filling.
 pub struct Openings {
     windows: Vec<Vec<usize>>,
-    /// A house door.
-    pub door: Vec<usize>,
 }
 
 impl Openings {
@@ -86,7 +84,7 @@ impl Openings {
             windows.push(vec![detail, pane, blind]);
             windows.push(vec![detail, home]);
         }
-        Self { windows, door: super::doors::door(model) }
+        Self { windows }
     }
 
     /// The meshes of a window.

@@ -1,6 +1,6 @@
 //! The houses' roofs: closed bodies over the walls, with dormers, chimneys and parapets.
 
-use super::houses::{House, Kit, Roof};
+use super::house::{House, Kit, Roof};
 use super::{DEPTH, Site};
 use crate::mesh::Mesh;
 use crate::model::Model;

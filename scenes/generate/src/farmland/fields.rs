@@ -1,41 +1,14 @@
-//! What is worked: furrows of the ploughed field, ridges and plants of the crop rows, ruts of the track.
+//! The plants of the crop rows.
 
 use super::foliage::card;
-use super::terrain::{HALF, TRACK, YARD, point};
+use super::terrain::{HALF, RIDGE, ROW, TRACK, YARD, point};
 use crate::mesh::Mesh;
 use crate::model::Model;
-use crate::random::{Random, noise};
+use crate::random::Random;
 use glam::DVec3;
-use std::f64::consts::TAU;
 
-/// From furrow to furrow; they run north to south, so that the low sun of morning and evening crosses them.
-pub const FURROW: f64 = 0.8;
-/// From crop row to crop row; they run east to west.
-pub const ROW: f64 = 1.0;
 /// Length of the piece of crop row that is placed many times.
 const PIECE: f64 = 4.0;
-/// Height of the ridge that a crop stands on.
-const RIDGE: f64 = 0.075;
-
-/// Relief of the ploughed field: slices turned over to one side, broken into clods.
-pub fn furrows(u: f64, v: f64) -> f64 {
-    let phase = TAU * u / FURROW;
-    let clods = noise(u / 0.31 + 400.0, v / 1.3 + 400.0, 1024, 211) - 0.5;
-    0.085 * phase.cos() + 0.025 * (2.0 * phase + 1.0).sin() + 0.07 * clods
-}
-
-/// Relief of the crop field.
-pub fn ridges(u: f64, v: f64) -> f64 {
-    let crumbs = noise(u / 2.3 + 400.0, v / 0.5 + 400.0, 1024, 212) - 0.5;
-    RIDGE * (TAU * (v - YARD) / ROW).cos() + 0.02 * crumbs
-}
-
-/// Relief of the track: two ruts of wheels and a crown between them.
-pub fn ruts(u: f64, v: f64) -> f64 {
-    let bell = |distance: f64, width: f64| (-(distance / width).powi(2)).exp();
-    let depth = 0.10 + 0.06 * (noise(0.0, v / 2.7 + 40.0, 256, 213) - 0.5);
-    0.05 * bell(u, 0.5) - depth * bell(u.abs() - 0.85, 0.25)
-}
 
 /// Rows of low leafy plants on their ridges.
 pub fn build(model: &mut Model) {

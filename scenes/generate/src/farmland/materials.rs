@@ -34,7 +34,7 @@ pub fn add(model: &mut Model) {
     material("soil", white, Some((soil, textures::SOIL)));
     material("crop_soil", [0.92, 0.92, 0.95], Some((soil, textures::SOIL)));
     material("stubble", white, Some((stubble, textures::STUBBLE)));
-    material("far_fields", white, Some((far_fields, textures::FAR)));
+    material("far_fields", white, Some((far_fields, terrain::FAR)));
     // The same boards weathered, painted and old; the same sheet on roofs and small things.
     material("boards", [0.86, 0.80, 0.74], Some((boards, 2.0)));
     material("old_boards", [0.62, 0.54, 0.46], Some((boards, 2.0)));

@@ -4,7 +4,6 @@
 //! run along the track, and every boundary between patches is straight in (u, v). Heights are interpolated
 //! from a lattice of 1 m, so that patches of any finer grid meet without gaps.
 
-use super::fields;
 use crate::mesh::Mesh;
 use crate::model::Model;
 use crate::random::noise;
@@ -18,6 +17,14 @@ pub const HALF: f64 = 64.0;
 pub const YARD: f64 = 24.0;
 /// Half the width of the track's patch.
 pub const TRACK: f64 = 4.0;
+/// Metres that the texture of the land around covers.
+pub const FAR: f64 = 1024.0;
+/// From furrow to furrow; they run north to south, so that the low sun of morning and evening crosses them.
+const FURROW: f64 = 0.8;
+/// From crop row to crop row; they run east to west.
+pub const ROW: f64 = 1.0;
+/// Height of the ridge that a crop stands on.
+pub const RIDGE: f64 = 0.075;
 /// The patches' relief fades out over this width along their boundaries.
 const MARGIN: f64 = 1.4;
 
@@ -60,6 +67,26 @@ pub fn point(u: f64, v: f64) -> DVec3 {
     low.lerp(high, t)
 }
 
+/// Relief of the ploughed field: slices turned over to one side, broken into clods.
+fn furrows(u: f64, v: f64) -> f64 {
+    let phase = TAU * u / FURROW;
+    let clods = noise(u / 0.31 + 400.0, v / 1.3 + 400.0, 1024, 211) - 0.5;
+    0.085 * phase.cos() + 0.025 * (2.0 * phase + 1.0).sin() + 0.07 * clods
+}
+
+/// Relief of the crop field.
+fn ridges(u: f64, v: f64) -> f64 {
+    let crumbs = noise(u / 2.3 + 400.0, v / 0.5 + 400.0, 1024, 212) - 0.5;
+    RIDGE * (TAU * (v - YARD) / ROW).cos() + 0.02 * crumbs
+}
+
+/// Relief of the track: two ruts of wheels and a crown between them.
+fn ruts(u: f64, v: f64) -> f64 {
+    let bell = |distance: f64, width: f64| (-(distance / width).powi(2)).exp();
+    let depth = 0.10 + 0.06 * (noise(0.0, v / 2.7 + 40.0, 256, 213) - 0.5);
+    0.05 * bell(u, 0.5) - depth * bell(u.abs() - 0.85, 0.25)
+}
+
 /// A rectangle of land.
 pub struct Patch {
     name: &'static str,
@@ -92,10 +119,10 @@ pub const PATCHES: [Patch; 10] = {
     let middle = [-YARD, YARD];
     [
         patch("yard_ground", "yard_ground", middle, middle, [0.5, 0.5], plain),
-        patch("track", "track", [-TRACK, TRACK], south, [0.2, 1.0], fields::ruts),
-        patch("ploughed_west", "soil", [-HALF, -34.0], south, [fields::FURROW / 5.0, 0.8], fields::furrows),
-        patch("ploughed_east", "soil", [-34.0, -TRACK], south, [fields::FURROW / 5.0, 0.8], fields::furrows),
-        patch("crop_soil", "crop_soil", [TRACK, HALF], south, [1.0, fields::ROW / 5.0], fields::ridges),
+        patch("track", "track", [-TRACK, TRACK], south, [0.2, 1.0], ruts),
+        patch("ploughed_west", "soil", [-HALF, -34.0], south, [FURROW / 5.0, 0.8], furrows),
+        patch("ploughed_east", "soil", [-34.0, -TRACK], south, [FURROW / 5.0, 0.8], furrows),
+        patch("crop_soil", "crop_soil", [TRACK, HALF], south, [1.0, ROW / 5.0], ridges),
         patch("stubble", "stubble", west, middle, [1.0, 1.0], plain),
         patch("pasture", "grass", east, middle, [1.0, 1.0], plain),
         patch("meadow_west", "grass", west, north, [1.0, 1.0], plain),
@@ -182,7 +209,7 @@ fn surroundings(model: &mut Model) {
         let d = 1.0;
         let slope = |dx: f64, dz: f64| (hills(p.x + dx, p.z + dz) - hills(p.x - dx, p.z - dz)) / (2.0 * d);
         *normal = DVec3::new(-slope(d, 0.0), 1.0, -slope(0.0, d)).normalize();
-        *uv = DVec2::new(p.x, p.z) + DVec2::splat(super::textures::FAR / 2.0);
+        *uv = DVec2::new(p.x, p.z) + DVec2::splat(FAR / 2.0);
     }
     model.add("surroundings_occluder", "far_fields", mesh);
 }

@@ -11,8 +11,6 @@ pub const MEADOW: f64 = 4.0;
 pub const SOIL: f64 = 3.2;
 pub const STUBBLE: f64 = 3.2;
 pub const TRACK: f64 = 8.0;
-/// The land around, to the horizon.
-pub const FAR: f64 = 1024.0;
 
 const EARTH: Colour = [150.0, 128.0, 104.0];
 const DARK_EARTH: Colour = [112.0, 92.0, 76.0];
