@@ -18,6 +18,18 @@ pub fn stop_after_the_last_round(command: &mut Command, out: &Path) {
     assert!(work(out, "rounds.json").exists() && !out.join("config.json").exists());
 }
 
+/// Copies a folder with all that is in it.
+fn copy(from: &Path, to: &Path) {
+    std::fs::create_dir(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap().map(Result::unwrap) {
+        let target = to.join(entry.file_name());
+        match entry.file_type().unwrap().is_dir() {
+            true => copy(&entry.path(), &target),
+            false => drop(std::fs::copy(entry.path(), target).unwrap()),
+        }
+    }
+}
+
 /// A file of the only work in a folder.
 fn work(out: &Path, name: &str) -> PathBuf {
     let mut folders = std::fs::read_dir(out.join(".bake")).unwrap();
@@ -82,16 +94,18 @@ fn a_lost_block_is_traced_again() {
         };
         let whole = dir.path().join(mode);
         assert!(bake(&whole).status().unwrap().success());
+        let stopped = dir.path().join(format!("{mode}, stopped"));
+        stop_after_the_last_round(&mut bake(&stopped), &stopped);
         for (how, lose) in LOSSES {
             let out = dir.path().join(format!("{mode}, {how}"));
-            stop_after_the_last_round(&mut bake(&out), &out);
+            copy(&stopped, &out);
             lose(&blocks(&out));
             let said = goes_on(&mut bake(&out), &whole, &out, &format!("{mode}, {how}"));
             assert!(said.contains("1 block of the unfinished work here was missing, damaged"), "{said}");
         }
         // All of them.
         let out = dir.path().join(format!("{mode}, all"));
-        stop_after_the_last_round(&mut bake(&out), &out);
+        copy(&stopped, &out);
         blocks(&out).iter().for_each(|block| std::fs::remove_file(block).unwrap());
         goes_on(&mut bake(&out), &whole, &out, &format!("{mode}, all"));
     }
@@ -151,10 +165,12 @@ fn where_a_decision_is_lost_the_work_starts_over() {
     let dir = tempfile::tempdir().unwrap();
     let whole = dir.path().join("whole");
     assert!(court(&whole, "16", "cached").status().unwrap().success());
+    let stopped = dir.path().join("stopped");
+    stop_after_the_last_round(&mut court(&stopped, "16", "cached"), &stopped);
     for name in ["rounds.json", "direct.json", "pivot.json", "cache.bin"] {
         for torn in [false, true] {
             let out = dir.path().join(format!("{name}-{torn}"));
-            stop_after_the_last_round(&mut court(&out, "16", "cached"), &out);
+            copy(&stopped, &out);
             match torn {
                 true => std::fs::write(work(&out, name), b"[1").unwrap(),
                 false => std::fs::remove_file(work(&out, name)).unwrap(),
@@ -164,9 +180,7 @@ fn where_a_decision_is_lost_the_work_starts_over() {
         }
     }
     // Nothing lost: nothing said.
-    let out = dir.path().join("out");
-    stop_after_the_last_round(&mut court(&out, "16", "cached"), &out);
-    let said = goes_on(&mut court(&out, "16", "cached"), &whole, &out, "nothing lost");
+    let said = goes_on(&mut court(&stopped, "16", "cached"), &whole, &stopped, "nothing lost");
     assert!(!said.contains("unfinished work"), "{said}");
 }
 
