@@ -1,5 +1,5 @@
-//! The compute shader: its text, `decode.wgsl`, with the network of a width and precision unrolled, and the job
-//! that it reads for a tile.
+//! The compute shader: its text, `decode.wgsl`, with the network of a width and precision unrolled, and the
+//! job that it reads for a tile.
 
 use bytemuck::{Pod, Zeroable};
 use std::fmt::Write;
