@@ -47,5 +47,6 @@ pub mod disk_space;
 pub mod layout_estimate;
 pub mod output;
 pub mod existing;
+pub mod prediction;
 pub mod facts;
 pub mod run;
