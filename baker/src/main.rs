@@ -35,7 +35,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
-/// Bakes temporal lightmaps: HDR irradiance of a scene at every hour, and on both sides of every light
+/// Bakes temporal lightmaps: HDR irradiance of a scene at every hour, and just before and after each light
 /// switch.
 #[derive(Parser)]
 #[command(name = "bake", version, after_help = EXAMPLES, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
@@ -73,7 +73,7 @@ struct Args {
     /// The scene file (TOML; every key is described in scenes/README.md).
     #[arg(required = true)]
     scene: Option<PathBuf>,
-    /// Hours to bake: a half-open range, a range with a step, or a list.
+    /// Hours to bake: 0..24 (24 excluded), 6..18/0.5 or 5.5,12,18:30.
     #[arg(long, default_value = "0..24", value_name = "HOURS", allow_hyphen_values = true)]
     hours: String,
     /// Bake up to N additional times where interpolating sunlight and skylight between the hours of a range
@@ -86,7 +86,7 @@ struct Args {
     /// with precomputed radiance transfer.
     #[arg(long, conflicts_with_all = ["hours", "compress"])]
     transfer: bool,
-    /// Of the sun bake only what surfaces reflect, for games that draw the sun themselves: as
+    /// Of sunlight, bake only what surfaces reflect, for games that draw the sun themselves: as
     /// `baked = "indirect"` under [sun].
     #[arg(long, conflicts_with = "transfer")]
     indirect: bool,
@@ -94,10 +94,10 @@ struct Args {
     /// quality into the report, and the page <scene>.view.html.
     #[arg(long)]
     compress: bool,
-    /// A quick look: half the lightmap's side, a quarter of the samples, short training.
+    /// A quick look: half the lightmap's side, a quarter of the samples.
     #[arg(long)]
     draft: bool,
-    /// For shipping: twice the lightmap's side, twice the samples (training as without it; see
+    /// For shipping: twice the lightmap's side, twice the samples (no effect on --compress; see
     /// `compress --preset`).
     #[arg(long, conflicts_with = "draft")]
     r#final: bool,
@@ -106,9 +106,9 @@ struct Args {
     #[arg(long, value_name = "N")]
     samples: Option<u32>,
     /// Stop when, at every time, 95 % of the texels lie in converged cells: cells of 16×16 texels whose local
-    /// error, and that of the 5×5 cells around together, is below ERROR, e.g. 5%. Local error is the standard
-    /// error divided by the cell's own light, or by 1/30 of the median light visible from it if that is
-    /// larger. The decision is made after denoising. Light that very few paths find (a pinhole) can be
+    /// error is below ERROR, e.g. 5%, as is that of the 5×5 cells around together. Local error is the
+    /// standard error divided by the cell's own light, or by 1/30 of the median light visible from it if that
+    /// is larger. The decision is made after denoising. Light that very few paths find (a pinhole) can be
     /// missed.
     #[arg(long, value_name = "ERROR", value_parser = parse_error)]
     target_error: Option<f64>,
@@ -119,11 +119,10 @@ struct Args {
     /// How light is traced beyond the first surface.
     #[arg(long, value_enum, default_value = "cached")]
     integrator: Integrator,
-    /// Ray-tracing backend: obvhs (our traversal of a hierarchy that obvhs builds), or embree in builds with
-    /// that feature.
+    /// Ray-tracing backend: obvhs (built in), or embree in builds with that feature.
     #[arg(long, default_value = "obvhs", value_name = "BACKEND")]
     backend: Backend,
-    /// Denoise indirect light: auto (the built-in filters), own (the same) or off. Transfers are never
+    /// Denoise indirect light: auto, or off (own is the same as auto). Transfers are never
     /// denoised. The traced light is kept, so changing this traces nothing again unless a --target-error is
     /// then missed.
     #[arg(
@@ -151,7 +150,7 @@ struct Args {
 
 const EXAMPLES: &str = "\
 Examples:
-  bake scenes/yard.toml --hours 0..24              24 hourly frames, 6 extra times, and switch frames, in dataset/yard
+  bake scenes/yard.toml --hours 0..24              24 hourly frames, 6 extra ones, and those at switches, in dataset/yard
   bake scenes/yard.toml --hours 0..24 --compress   the same, then dataset/yard/yard.ndgi and a report
   bake scenes/yard.toml --hours 12 --draft --out /data/look   one frame, quickly, elsewhere
   bake scenes/yard.toml --final --out /data/yard   for shipping: twice the side, twice the samples
@@ -171,15 +170,15 @@ all, frames, worst_frame, advice; each median, p95, worst, and over: shares abov
 against seconds), check (with --check; as in run.json), facts, skipped, warnings, report, and with --compress an object `compress` with the keys of
 `compress --json`. With --plan: scene, integrator, times, extra_times (added: hour,
 error_before and error_after of interpolated light, as a share of it; error_before and error_after of the whole day, null where no light
-changes), layers, visibility (of the sun: times, minutes of the finest step; null where it is not found), skipped, existing (what it replaces, or why it is refused), forecast (size, pages, finer: pages above 2048² are estimated
-from a coarser layout, whose texels are this many times as wide; 1 for the real one; texels covered, skipped_triangles, skipped_area and skipped_rays of faces that nobody can see,
+changes), layers, visibility (of the sun: times, minutes of the finest step; null where it is not found), skipped, existing (what it replaces, or why it is refused), forecast (size, pages, finer: how many times as
+wide the texels are in the coarser layout that pages above 2048² are estimated from, else 1; texels covered, skipped_triangles, skipped_area and skipped_rays of faces that nobody can see,
 texels_per_metre, extent in metres, dataset_bytes, layers_bytes, work_bytes, peak_bytes: the most of these at once, memory_bytes, escaping_rays: of 4096
 rays from surfaces, those that leave the scene), expected (error against run time, by the bake in the dataset's folder: from_samples, points: samples, seconds of tracing, median
-and p95 of the local error, that at the worst hour; null if there is no such bake with the same times), free_bytes (on the file system of the dataset; null where it does not tell), warnings.
+and p95 of the local error, that at the worst hour; null if there is no such bake with the same times), free_bytes (on the file system of the dataset; null if unknown), warnings.
 
 A run that is interrupted or killed continues when started again with the same arguments. Ctrl-C, SIGTERM and SIGHUP end it within
-0.2 s, with exit code 130, 143 or 129. Other exit codes: 0 done; 1 bad input, 2 an invalid command line: do not
-retry; 75 retry (another bake writes there, a full disk). A finished bake keeps its layers: after
+0.2 s, with exit code 130, 143 or 129. Other exit codes: 0 done; 1 or 2 do not retry (bad input, a bad command
+line); 75 retry (another bake writes there, the disk is full). A finished bake keeps its layers: after
 a change of a schedule, colour or intensity, or with more hours, only missing layers are traced (and, with --target-error, those
 that no longer meet it). --force is needed to replace a dataset by one with fewer hours, samples or texels or of another scene,
 and to discard unfinished work with other settings that has completed a round.";

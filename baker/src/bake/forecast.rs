@@ -1,5 +1,5 @@
-//! What a bake would take, told before it is begun: texels, disk, memory. (How long depends on how far rays go
-//! and on the machine, so an earlier bake must tell: [`super::prediction`].)
+//! What a bake would take, told before it is begun: texels, disk, memory. (How long depends on how far rays
+//! go and on the machine, so an earlier bake must tell: [`super::prediction`].)
 
 use super::cache_system;
 use super::denoise;

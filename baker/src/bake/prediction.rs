@@ -7,7 +7,8 @@ use super::rounds::Round;
 use serde::Serialize;
 use std::path::Path;
 
-/// Errors of denoised light fall more slowly than with the square root of the samples (NUMERICS, "Denoising").
+/// Errors of denoised light fall more slowly than with the square root of the samples (NUMERICS,
+/// "Denoising").
 const POWER_DENOISED: f64 = 1.0 / 2.4;
 /// What is predicted: from a quarter of the samples asked for to four times as many.
 const STEPS: [f64; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];

@@ -14,7 +14,7 @@ pub struct Options {
     pub hour: f64,
     /// A camera of the scene, by name, or a viewpoint "x,y,z" [default: the scene's first camera; else a
     /// viewpoint from the south-west, inside if the scene is a room and above it otherwise; if a wall is
-    /// there, the one that sees most lit surfaces].
+    /// there, the viewpoint that sees most lit surfaces].
     #[arg(long, value_name = "NAME|X,Y,Z", allow_hyphen_values = true)]
     pub camera: Option<String>,
     /// The point in the middle of the picture [default: the camera's; else the middle of the lightmapped
@@ -30,12 +30,12 @@ pub struct Options {
     /// Camera rays per pixel, stratified (16: 4 × 4); best a power of two.
     #[arg(long, default_value_t = 16, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub samples: u32,
-    /// Radiance in kcd/m² is multiplied by 2 to the power of this: the same for several hours makes them
-    /// comparable [default: so that the surfaces' log-average luminance becomes 0.18, and its 95th percentile
+    /// Radiance in kcd/m² is multiplied by 2 to the power EV: use one value for several hours to compare
+    /// them [default: so that the surfaces' log-average luminance becomes 0.18, and its 95th percentile
     /// at most 1].
     #[arg(long, value_name = "EV", allow_hyphen_values = true, value_parser = parse_exposure)]
     pub exposure: Option<f64>,
-    /// The dataset's folder [default: the scene's in dataset/].
+    /// The dataset's folder [default: dataset/<scene>].
     #[arg(long, value_name = "DIR")]
     pub dataset: Option<PathBuf>,
     /// Show the light that a compressed bundle of this dataset decodes to, instead of the dataset's
@@ -45,8 +45,7 @@ pub struct Options {
     /// The picture to write [default: in the dataset's folder, named by camera, hour and bundle].
     #[arg(long, value_name = "FILE.png")]
     pub out: Option<PathBuf>,
-    /// Ray-tracing backend: obvhs (our traversal of a hierarchy that obvhs builds), or embree in builds with
-    /// that feature.
+    /// Ray-tracing backend: obvhs (built in), or embree in builds with that feature.
     #[arg(long, default_value = "obvhs", value_name = "BACKEND")]
     pub backend: Backend,
 }
@@ -76,18 +75,18 @@ Examples:
   bake preview scenes/yard.toml --hour 18.5
   bake preview scenes/yard.toml --hour 12 --camera gate --out gate.png
   bake preview scenes/yard.toml --hour 21 --camera \"0,1.7,5\" --look-at \"0,1,-5\" --fov 75
-  bake preview scenes/yard.toml --hour 18.05 --bundle dataset/yard/yard.ndgi     what a game would show of the bundle
+  bake preview scenes/yard.toml --hour 18.05 --bundle dataset/yard/yard.ndgi     what a game would show from the bundle
   bake preview scenes/yard.toml --hour 7 --exposure -3 --size 640x360 --samples 4
 
 Surfaces with texels show the baked irradiance, filtered bilinearly, times their albedo ÷ π; texture and cut-outs count. Surfaces
-without texels (lightmap = false, and the backs of two-sided ones) have no baked light. Theirs is estimated at every sample, by
+without texels (lightmap = false, and the backs of two-sided ones) have no baked light. It is estimated at every sample, by
 shadow rays to sun and lamps, and by paths that end where they read baked light or meet the sky: it is noisier (less with more
---samples), and is no part of the dataset. The backs of one-sided surfaces are not drawn. Lamps and the sun's disc are invisible;
+--samples), and is not part of the dataset. The backs of one-sided surfaces are not drawn. Lamps and the sun's disc are invisible;
 emissive surfaces and the sky are not. Below the horizon of a computed sky lies the ground of `[sky] ground` (black if false).
 
 Tone curve, per channel: linear up to 0.7, from there 1 - 0.3 exp(-(x - 0.7) / 0.3), then sRGB in 8 bits.
 
-With --json, one object on stdout: scene, dataset, bundle (null without one), image, hour, frames (hour, weight; none of a bundle), camera (name, position, look_at, fov), size,
+With --json, one object on stdout: scene, dataset, bundle (null without one), image, hour, frames (hour, weight; none with --bundle), camera (name, position, look_at, fov), size,
 samples, exposure, seconds, warnings.";
 
 /// `x,y,z`.

@@ -54,11 +54,11 @@ pub struct Found {
 /// Where to write, and whether over a file that is there.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct Options {
-    /// The scene file to write [default: beside the model, with its name, or that of its folder if it is
-    /// called scene or model].
+    /// The scene file to write [default: beside the model, with its name, or its folder's if it is called
+    /// scene, model or untitled].
     #[arg(long, value_name = "FILE.toml")]
     pub out: Option<PathBuf>,
-    /// Replace a file that is there.
+    /// Replace an existing file.
     #[arg(long)]
     pub force: bool,
 }
@@ -69,9 +69,9 @@ Examples:
   bake new models/house.glb                        models/house.toml, then: bake models/house.toml --draft
   bake new models/house.glb --out scenes/house.toml
 
-The file is a beginning, with a comment at what was guessed: the unit of length (metres, centimetres or millimetres, by the size of the
-model and of its triangles), window-like openings as portals, what shines in the model as light groups, the model's cameras or one of
-ours, and a size of the lightmap.
+The file is a start, with a comment on each guess: the unit of length (metres, centimetres or millimetres, by the size of the
+model and of its triangles), window-like openings as portals, the model's emitters as light groups, the model's cameras or a
+default one, and the lightmap's size.
 
 With --json, one object on stdout: scene, triangles, unit, metres_per_unit, extent (metres), size, texels_per_metre, portals, groups
 and cameras (names), warnings.";

@@ -57,8 +57,8 @@ Keys of the --json object (null where not available):
   psnr_sunny_db, psnr_pooled_sunny_db   over the frames that the sun lights directly
   psnr_without_sun_db, psnr_pooled_without_sun_db   without the sun's direct light, where that is a separate stream
   seam_ratio             error of the difference between neighbouring texels, across tile borders / inside tiles
-  between_median_db      psnr_pooled_db at times between frames, against the dataset's own light or a withheld bake: the
-                         median; between_worst_db: the lowest
+  between_median_db      median psnr_pooled_db at times between frames, against the dataset's own light or a withheld
+                         bake; between_worst_db: the lowest
   between_linear_median_db  the same of linear interpolation, against the withheld bake
   sun_between_pooled_db  of the sun's direct light at twelve times of day, against the dataset's visibility, where it is a separate stream;
                          sun_between_mean_db: mean; sun_between_worst_db: of the worst 5 %
@@ -80,8 +80,8 @@ Examples:
   compress sweep dataset/yard --tiles 4 --presets draft        a few minutes
   compress sweep dataset/yard --profiles M --presets draft,medium,final --csv m.csv
 
-Each tile is trained as by `compress --profile … --preset …` with that seed. The three PSNRs are of one training: of the float
-model, of the same with all features rounded to 8 bits, and of the stored tile in BC7; bpp counts only the texels of the trained tiles. With --json: tiles, tiles_of, is_sun_apart, rows (profile,
+Each tile is trained as by `compress --profile … --preset …` with --seed. The three PSNRs are of one training: the float
+model, the same with all features rounded to 8 bits, and the stored tile in BC7; bpp counts only the texels of the trained tiles. With --json: tiles, tiles_of, is_sun_apart, rows (profile,
 preset, bpp, psnr_unquantised_db, psnr_8bit_features_db, psnr_bc7_db, one_minus_ssim, seconds), report, seconds.";
 
 const COMPARE_EXAMPLES: &str = "\
@@ -124,8 +124,8 @@ Examples:
   compress info dataset/yard/yard.ndgi
   compress info dataset/yard/yard.ndgi --json | jq .written.seed
 
-With --json: scene, profile, pages, hours, hours_between, groups, tiles, tiles_empty, contents, sun_times, written, bpp and bytes: bytes_of_header includes the
-index, bytes_resident (means and peaks of all tiles), bytes_of_sun, bytes_of_shadows; the rest is features and decoders. bytes_held_of_sun: memory for the
+With --json: scene, profile, pages, hours, hours_between, groups, tiles, tiles_empty, contents, sun_times, written, bpp and bytes, of which: bytes_of_header (with the
+index), bytes_resident (means and peaks of all tiles), bytes_of_sun, bytes_of_shadows; the rest is features and decoders. bytes_held_of_sun: memory for the
 sun's streams of all tiles at one time, in a compact layout (visibility in 3 bits, normals as stored); ndgi-gpu needs more.";
 
 /// Compresses a dataset (the lightmaps of a day) into a random-access bundle and measures its quality.
@@ -229,8 +229,7 @@ pub struct View {
     /// Omit the dataset's lightmaps, which the page shows for comparison.
     #[arg(long)]
     pub no_reference: bool,
-    /// Serve the page on this machine instead of writing it, at this port [port if none is given: 8017; 0:
-    /// any free one].
+    /// Serve the page on this machine instead of writing it [default port: 8017; 0: any free port].
     #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, default_missing_value = "8017", conflicts_with = "out")]
     pub serve: Option<u16>,
 }
@@ -239,7 +238,7 @@ pub struct View {
 pub struct Sweep {
     /// The dataset's folder.
     pub dataset: PathBuf,
-    /// Largest number of tiles to train; the seed selects them.
+    /// Train at most this many tiles; the seed selects them.
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..))]
     pub tiles: u32,
     /// Profiles to compare.
@@ -296,7 +295,7 @@ pub struct Compare {
     pub method: Vec<String>,
     /// Also render the scene with the light of NDGI M, NTC L, PRT, ASTC 12×12 and the dataset's own bundle:
     /// at five times from up to three cameras, over a day, and close-ups of tiles. Uses the tiles of all
-    /// pages. The page is the report's name with .render.html.
+    /// atlas pages. The HTML file has the report's name with .render.html.
     #[arg(long, conflicts_with_all = ["ablations", "tiles"])]
     pub render: bool,
     #[command(flatten)]
@@ -317,17 +316,17 @@ pub struct Compress {
     /// The dataset's folder.
     #[arg(required = true)]
     pub dataset: Option<PathBuf>,
-    /// Size of the representation, the same for all tiles: S, L, M or H; S.32, L.32 and M.32 have hidden
+    /// Size of the feature maps, the same for all tiles: S, L, M or H; S.32, L.32 and M.32 have hidden
     /// layers of 32 units instead of 16, M.64 of 64. [default: M; S where the dataset stores the sun's direct
     /// light separately]
     #[arg(long, value_parser = parse_profile)]
     pub profile: Option<Profile>,
-    /// Choose each tile's configuration by trial fits so that all tiles together reach about this pooled PSNR
-    /// in dB (more if even the smallest configurations exceed it).
+    /// Choose what each tile stores by brief trial fits, so that all tiles together reach about this pooled
+    /// PSNR in dB (more if even the smallest choices exceed it).
     #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = parse_positive, conflicts_with = "profile")]
     pub target_psnr: Option<f64>,
-    /// Choose each tile's configuration by trial fits for the best quality within this many bits per texel
-    /// and frame.
+    /// Choose what each tile stores by trial fits, for the best quality within this many bits per texel and
+    /// frame.
     #[arg(long, value_name = "B", allow_hyphen_values = true, value_parser = parse_positive, conflicts_with_all = ["profile", "target_psnr"])]
     pub target_bpp: Option<f64>,
     /// The bundle to write [default: <dataset>/<scene>.ndgi].
@@ -372,7 +371,7 @@ pub struct Compress {
     pub shard: Option<Shard>,
     /// Write the bundle from the tiles that shards have trained. If tiles are missing, name them and exit
     /// with code 75. With a target, the first run of the shards makes trial fits, from which the first merge
-    /// chooses each tile's configuration (with --target-psnr it trains up to 16 tiles to do so); then run the
+    /// chooses what each tile stores (with --target-psnr it trains up to 16 tiles to do so); then run the
     /// shards and --merge again.
     #[arg(long, conflicts_with_all = ["time_limit", "levels"])]
     pub merge: bool,

@@ -28,10 +28,10 @@ pub struct Import {
     /// The folder's layout.
     #[arg(long, conflicts_with = "pattern", value_parser = layout())]
     layout: Option<&'static dyn Layout>,
-    /// The folder contains EXR files with names of this form; {hour} stands for 6, 06 or 5.9 (24 is 0).
+    /// The folder contains EXR files with names of this form; {hour} stands for 6, 06 or 5.9 (24 means 0).
     #[arg(long, value_name = "NAME")]
     pattern: Option<String>,
-    /// Path of an image (PNG, JPEG, EXR) that is light where texels are valid [default: all are valid].
+    /// Path of an image (PNG, JPEG, EXR) that is white where texels are valid [default: all are valid].
     #[arg(long, value_name = "FILE", requires = "pattern")]
     mask: Option<PathBuf>,
     /// The layer to read from EXR files with several, such as ViewLayer.Combined.

@@ -62,10 +62,10 @@ enum Command {
     },
     /// Verifies everything that readers rely on and lists each fault.
     ///
-    /// Checks the manifest, each file's length and checksum, masks, the noise file, the sun's path and
+    /// Checks the manifest, each file's length and checksum, masks, estimated errors, the sun's path and
     /// visibility, the geometry (a complete GLB, indices and lightmap coordinates in range, pages that
-    /// exist), that all texels are finite and not negative, that each frame has the light groups on that its
-    /// schedule says, and, where layers are stored, that each lightmap is (sun + sky) + local: bit for bit,
+    /// exist), that all texels are finite and not negative, that each frame's light groups are on as their
+    /// schedules say, and, where layers are stored, that each lightmap is (sun + sky) + local: bit for bit,
     /// or within 1/1024 on surfaces in imported datasets. Warns of switches without a frame close by, and of
     /// files that killed processes left behind. With --json, one object: ok, faults [text], warnings [text],
     /// files, bytes, frames, dead_texels [per page; null where unknown], seconds.
@@ -80,7 +80,7 @@ enum Command {
     /// FROM is a folder in the layout hprc1 or hprc2, a folder of EXR files (float or half; R, G, B, or names
     /// such as Layer.R, red, Y), or a TOML file:
     ///
-    ///   unit = "kilolux"            # optional, as are [[group]] and, without masks, [[page]]
+    ///   unit = "kilolux"            # optional; so are [[group]] and, without masks, [[page]]
     ///   layer = "Combined"          # for EXR files with several layers
     ///   [[page]]
     ///   mask = "mask.png"
@@ -117,7 +117,7 @@ Examples:
     ///
     /// A page of w × h texels becomes one of ⌈w/2⌉ × ⌈h/2⌉. A texel's light is the mean of the valid texels
     /// among the four it covers. Texel position p becomes p/2. Layers, visibility and normals are halved, and
-    /// frames are summed from the halved layers. Noise is omitted, because the error of a mean is not known.
+    /// frames are summed from the halved layers. Estimated errors are omitted: that of a mean is unknown.
     /// All else is copied. The result is a full dataset: halve it again for the next level.
     /// `compress --levels` makes bundles of all levels. A transfer cannot be halved. With --json, one object:
     /// out, scene, level (how often it was halved), pages [[width, height]], files, bytes, seconds.
@@ -141,7 +141,7 @@ Examples:
     Release(release::Release),
     /// Verifies a release, or a dataset unpacked from one.
     ///
-    /// Of a release: that the files match SHA256SUMS, and that the archives contain what release.json and
+    /// Checks that a release's files match SHA256SUMS, and that the archives contain what release.json and
     /// each dataset's manifest say; nothing is unpacked to disk. A folder with config.json is verified as by
     /// `check`. With --json, one object: ok, faults [text], scenes, files, bytes, seconds; for an unpacked
     /// dataset, the object of `check`.

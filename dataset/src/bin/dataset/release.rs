@@ -19,7 +19,7 @@ pub struct Release {
     /// The new folder to write.
     #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
-    /// Adds an archive of the lightmaps in this layout; may be given for both.
+    /// Add an archive of the lightmaps in this layout; repeatable.
     #[arg(long, value_parser = layout())]
     layout: Vec<&'static dyn Layout>,
     /// State in the datasheets that the datasets are released under CC0 1.0; without it they state no
