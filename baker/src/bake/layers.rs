@@ -79,7 +79,7 @@ impl Layers {
 
     /// A folder within it for the layers of a round, which are not kept.
     pub fn provisional(&self) -> Layers {
-        Layers { root: self.root.join("trial") }
+        Layers { root: self.root.join("provisional") }
     }
 
     /// Takes over what a filter left of provisional layers, and discards the rest. (What cannot be

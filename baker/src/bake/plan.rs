@@ -38,7 +38,7 @@ pub struct Plan {
     pub sky_of: Vec<Option<usize>>,
     /// The groups that shine at some time.
     pub groups: Vec<PlannedGroup>,
-    /// Per group of the scene, its place among `groups`.
+    /// Per group of the scene, its index among `groups`.
     pub index_of_group: Vec<Option<usize>>,
     /// Which part of the suns' light lightmaps hold.
     sun_baked: Baked,
@@ -54,7 +54,7 @@ pub struct Plan {
 pub struct PlannedGroup {
     /// Its name.
     pub name: String,
-    /// Its place among the groups of the scene.
+    /// Its index among the groups of the scene.
     index: u32,
     /// Per channel, what the traced layer is multiplied by: the greatest light of its lamps and surfaces.
     pub scale: Rgb,

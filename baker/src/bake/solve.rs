@@ -45,7 +45,7 @@ pub fn bytes(entries: usize, layers: usize, paths: usize) -> u64 {
 
 /// What is found out about a block before the cache is laid out.
 pub struct Covered {
-    /// Its covered texels, as places on the page.
+    /// Its covered texels, as page indices.
     texels: Vec<u32>,
     /// Those among them that a wall divides, and points of the side they stand for.
     split: Vec<(u32, Vec<Receiver>)>,
@@ -61,7 +61,7 @@ pub fn covered(worker: &Worker, surface: &BlockSurface, probes: &[u16]) -> Cover
         split: Vec::new(),
         counts: RayCounts::default(),
     };
-    for (texel, &probes) in surface.covered().zip(probes).filter(|(_, o)| **o != ALL_PROBES) {
+    for (texel, &probes) in surface.covered().zip(probes).filter(|(_, probes)| **probes != ALL_PROBES) {
         // (What counts as no surface is not solved for: a path that lands there goes on.)
         if !is_usable(probes) {
             found.split.push((page_index(texel), Vec::new()));

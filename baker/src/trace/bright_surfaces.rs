@@ -80,9 +80,9 @@ impl BrightSurfaces {
         map: &CacheMap,
         halves: &[CacheHalf; 2],
         sides: &[TriangleSide],
-        part: BrightLayers,
+        bright_layers: BrightLayers,
     ) -> Option<Self> {
-        let BrightLayers { layers, key, clusters } = part;
+        let BrightLayers { layers, key, clusters } = bright_layers;
         let bright = BrightFacets::bright(geometry, map, halves, sides, layers.clone(), clusters)?;
         let BrightFacets { facets, up_to, clusters } = bright;
         Some(BrightSurfaces { layers, key, facets, up_to, clusters })
@@ -97,7 +97,7 @@ impl BrightSurfaces {
         counts: &mut RayCounts,
     ) -> Option<BrightSurfaceView> {
         let is_free = |r: usize, direction: Vec3, distance: f32| {
-            counts.reflector += 1;
+            counts.bright_surface += 1;
             let at = &receivers[r].0;
             !space.ray_tracer.occluded(at.origin, direction, distance * (1.0 - 1e-3), at.triangle)
         };
@@ -183,7 +183,7 @@ impl BrightSurfaces {
         if !(weight.is_finite() && weight > 0.0) {
             return None;
         }
-        counts.reflector += 1;
+        counts.bright_surface += 1;
         // The ray must not be stopped by the very surface it looks for.
         let reach = space.ray_tracer.distance_before(at.origin, direction, distance, triangle);
         let through = space.ray_tracer.transmittance(at.origin, direction, reach, at.triangle);
