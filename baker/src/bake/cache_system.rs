@@ -93,8 +93,8 @@ impl CacheSystem {
         size_of::<Rgb>() * layers + paths * size_of::<PathEnd>()
     }
 
-    /// Passes until nothing changes; `note` is told of each. `endless` is the error where the light grows
-    /// without end.
+    /// Makes passes until nothing changes; `note` is called before each. `endless` makes the error for light
+    /// that grows without end.
     pub fn solve(
         &self,
         mut note: impl FnMut(usize),

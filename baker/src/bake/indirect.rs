@@ -1,4 +1,5 @@
-//! Indirect light at the texels of a block: paths that end in the cache, and bright-surface samples.
+//! Path-traced light (indirect light, and that straight from the sky) at the texels of a block: paths that
+//! end in the cache, and bright-surface samples.
 
 use super::allocate::shared;
 use super::block::{Stream, Worker, sum};
@@ -41,7 +42,7 @@ pub struct Cache<'a> {
 /// What a cell sees of the bright surfaces of one light group, or of daylight.
 struct CellView {
     view: BrightSurfaceView,
-    /// The part of its paths that come with a sample of them.
+    /// The probability that a path is joined by a sample of them.
     chance: f32,
 }
 
@@ -99,7 +100,7 @@ impl<'a> Cache<'a> {
 /// Clusters of bright facets of all light groups together, where there are more than [`FEW_GROUPS`].
 const MANY_CLUSTERS: usize = 1024;
 
-/// Those that a group has at least.
+/// Least clusters of a group.
 const LEAST_CLUSTERS: usize = 16;
 
 /// Light groups whose bright surfaces are sampled with each path, on average, where there are more than
@@ -123,7 +124,8 @@ pub struct PendingRead {
 /// entry, and paths go on.
 const NEAR_ENTRY_LENGTHS: f64 = 2.0;
 
-/// Samples between two rounds of reading. (Sums are taken in this order: it decides the bytes of every bake.)
+/// Samples after which the pending reads are made. (Sums are taken in this order: it decides the bytes of
+/// every bake.)
 const READ_EVERY: u32 = 8;
 
 /// One half of the cache, as the paths of one texel read it.
@@ -136,7 +138,7 @@ pub struct CacheReader<'a> {
 }
 
 impl CacheReader<'_> {
-    /// Adds what was put down to the sums.
+    /// Makes the pending reads and adds them to `out`.
     fn read(&mut self, out: &mut [Rgb]) {
         for PendingRead { entry, weight, layers } in self.pending.drain(..) {
             self.half.add_layers(entry, weight, layers.clone(), &mut out[layers]);
@@ -213,9 +215,9 @@ impl Worker<'_> {
         counts
     }
 
-    /// One path, ended where the cache knows the light, and a sample of its bright surfaces. What is to be
-    /// read of the cache is put down, and added with `CacheReader::read`; what is met straight of emissive
-    /// surfaces goes to `hit_light`.
+    /// One path, ended where the cache knows the light, and a sample of its bright surfaces. Reads of
+    /// the cache are pending until `CacheReader::read`; light straight from emissive surfaces goes to
+    /// `hit_light`.
     pub fn trace_path(
         &self,
         at: &Receiver,

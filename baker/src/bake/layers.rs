@@ -163,7 +163,7 @@ impl Layers {
         self.reader_of_filtered(layer)?.each(value)
     }
 
-    /// A part of a layer as traced, to be read bit by bit.
+    /// A part of a layer as traced, to be read piece by piece.
     pub fn reader(&self, digest: &str, part: Part) -> Result<LayerReader> {
         Ok(LayerReader { traced: Source::open::<Stored>(self.path(digest, part))?, filtered: None })
     }
@@ -386,7 +386,7 @@ impl Layers {
     }
 }
 
-/// A part of a layer that is read bit by bit.
+/// A part of a layer that is read piece by piece.
 pub struct LayerReader {
     traced: Source,
     /// What a filter made of it.

@@ -114,10 +114,10 @@ pub fn fill<'a>(
     Ok((Cache::new(worker, map, halves), solution, counts))
 }
 
-/// Paths per patch and half where a texel gets `samples` paths, both halves together: in a half, all patches
-/// have no more of them than all squares of the cache have samples in both, but each patch has
-/// [`LEAST_PATHS`], however many there are. (What a city has without texels is mostly small triangles: they
-/// are many, and none matters much by itself.)
+/// Paths per patch and half where a texel gets `samples` paths, both halves together: all patches together
+/// get at most as many paths per half as all squares of the cache get samples, and each at least
+/// [`LEAST_PATHS`]. (What a city has without texels is mostly small triangles: they are many, and none
+/// matters much by itself.)
 fn patch_paths(map: &CacheMap, paths: usize, samples: u32) -> usize {
     let reads = map.squares() * samples as usize;
     let worth = reads / map.patches().max(1);

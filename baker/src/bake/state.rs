@@ -25,7 +25,7 @@ pub fn is_enough(points: u32) -> bool {
     points >= PROBES / 8
 }
 
-/// Samples of one sampled light straight at one half of a texel.
+/// Sums of the direct samples of one light in one half of a texel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Direct {

@@ -1,7 +1,7 @@
-//! Bright surfaces as lights. What a path meets by the cosine alone, and reads from the cache, is noisy where
-//! much of the light comes from little surface: a patch of sun on the floor, the inside of a lampshade. Once
-//! the cache is solved, those are known: they are cut into facets, sampled, and weighted against the path by
-//! the balance heuristic.
+//! Bright surfaces as lights. Cosine-sampled paths that read the cache are noisy where much of the light
+//! comes from little surface: a patch of sun on the floor, the inside of a lampshade. Once the cache is
+//! solved, those are known: they are cut into facets, sampled, and weighted against the path by the balance
+//! heuristic.
 //!
 //! Daylight has facets of its own, shared by all its layers, and so has every group. Of more than a few
 //! groups some are sampled with each path ([`super::light_subset`]). A facet is chosen in proportion to √Σ
@@ -83,7 +83,7 @@ impl BrightSurfaces {
         bright_layers: BrightLayers,
     ) -> Option<Self> {
         let BrightLayers { layers, key, clusters } = bright_layers;
-        let bright = BrightFacets::bright(geometry, map, halves, sides, layers.clone(), clusters)?;
+        let bright = BrightFacets::find(geometry, map, halves, sides, layers.clone(), clusters)?;
         let BrightFacets { facets, up_to, clusters } = bright;
         Some(BrightSurfaces { layers, key, facets, up_to, clusters })
     }

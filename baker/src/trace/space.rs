@@ -1,5 +1,5 @@
-//! The space light moves in: points on its surfaces, and what stands between them or around them. To what is
-//! told of a place here glass is as if it were not there.
+//! The space light moves in: points on its surfaces, and what stands between them or around them. All that
+//! tells of places here ignores glass.
 
 use super::counts::RayCounts;
 use super::ray_tracer::{RayTracer, offset_point};

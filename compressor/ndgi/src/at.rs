@@ -33,8 +33,8 @@ pub struct At<'a> {
 }
 
 impl Bundle {
-    /// This bundle at a time of day, in decimal hours (18.5 is half past six in the evening; periodic in 24 h):
-    /// all its light.
+    /// This bundle at a time of day, in decimal hours (18.5 is half past six in the evening; periodic in 24
+    /// h): all its light.
     ///
     /// ```
     /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;

@@ -54,9 +54,9 @@ pub enum PageKind {
 pub struct Header {
     /// The scene's name.
     pub scene: String,
-    /// The writer and its settings, as a JSON object; its `unit` names the unit of light: kilolux where `bake`
-    /// made the dataset. Decoding does not need it; `compress evaluate` and
-    /// `bake` check with it whether the bundle belongs to the dataset.
+    /// The writer and its settings, as a JSON object; its `unit` names the unit of light: kilolux where
+    /// `bake` made the dataset. Decoding does not need it; `compress evaluate` and `bake` check with it
+    /// whether the bundle belongs to the dataset.
     pub info: String,
     /// Width and height of each page.
     pub pages: Vec<Grid>,

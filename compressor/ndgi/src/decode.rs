@@ -215,8 +215,8 @@ impl Decoder {
         &self.bundle
     }
 
-    /// Irradiance at (u, v) in [0, 1]² of a page, v downwards, at `hour` (decimal; periodic in 24 h); bilinear
-    /// between texel centres, beyond the page as at its edge.
+    /// Irradiance at (u, v) in [0, 1]² of a page, v downwards, at `hour` (decimal; periodic in 24 h);
+    /// bilinear between texel centres, beyond the page as at its edge.
     ///
     /// # Errors
     /// [`Error::Invalid`] for a page that does not exist, an hour that is not a finite number, coordinates
