@@ -285,7 +285,7 @@ pub fn section(outcome: &Outcome, dataset: &Dataset) -> Result<Section> {
                 row("shadow rays to the sun", rays.sun),
                 row("shadow rays to lamps", rays.lamp),
                 row("shadow rays to the sky", rays.sky),
-                row("shadow rays to bright surfaces", rays.reflector),
+                row("shadow rays to bright surfaces", rays.bright_surface),
                 row("tests for points inside solids or behind walls", rays.inside),
             ],
         );

@@ -3,8 +3,8 @@
 use baker::Rgb;
 use baker::geometry::{Emission, Geometry, Glass, Material, Solids, Texture, Wrap};
 use baker::light::group::{GroupSampler, emitters};
-use baker::light::guide::SkyGuide;
 use baker::light::sky::SkyTable;
+use baker::light::sky_sampler::SkySampler;
 use baker::light::sun::SunDisc;
 use baker::scene::{Baked, Lamp, Lightmap, Portal, Sampling, Scene, Sky};
 use baker::surface::SurfacePoint;
@@ -316,9 +316,9 @@ fn a_portal_looks_for_the_sky_transmittance_of_glass() {
         cameras: Vec::new(),
     };
     let plain = uniform_sky();
-    let guide = SkyGuide::new(&scene, &plain.sky, DVec3::ZERO);
-    assert!(guide.is_some());
-    expect(&g, &Lights { guide, ..uniform_sky() }, 1024, TINT * closed_form);
+    let sky_sampler = SkySampler::new(&scene, &plain.sky, DVec3::ZERO);
+    assert!(sky_sampler.is_some());
+    expect(&g, &Lights { sky_sampler, ..uniform_sky() }, 1024, TINT * closed_form);
     expect(&g, &plain, 8192, TINT * closed_form);
 }
 

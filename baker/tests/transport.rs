@@ -5,8 +5,8 @@
 use baker::Rgb;
 use baker::geometry::{Emission, Geometry, Material, Texture, Wrap};
 use baker::light::group::{GroupSampler, emitters};
-use baker::light::guide::SkyGuide;
 use baker::light::sky::SkyTable;
+use baker::light::sky_sampler::SkySampler;
 use baker::light::sun::SunDisc;
 use baker::scene::{Baked, Lamp, Lightmap, Portal, Sampling, Scene, Sky, SkyImage};
 use baker::surface::SurfacePoint;
@@ -504,12 +504,12 @@ fn skies(sky: Sky, portals: Vec<Portal>) -> Scene {
     }
 }
 
-/// The lights of such a scene, with its guide and without.
-fn guided_and_not(scene: &Scene) -> [Lights; 2] {
+/// The lights of such a scene, with its sky sampler and without.
+fn sampled_and_not(scene: &Scene) -> [Lights; 2] {
     let table = || SkyTable::new(scene.sky.as_ref(), None, &[12.0]);
-    let guide = SkyGuide::new(scene, &table(), DVec3::ZERO);
-    assert!(guide.is_some());
-    [Lights { guide, ..sky(table()) }, sky(table())]
+    let sky_sampler = SkySampler::new(scene, &table(), DVec3::ZERO);
+    assert!(sky_sampler.is_some());
+    [Lights { sky_sampler, ..sky(table()) }, sky(table())]
 }
 
 /// A room of side 2 with a window of 0.5 × 0.5 m in the wall z = 1, floor first.
@@ -541,13 +541,13 @@ fn window_portal() -> Portal {
 #[test]
 fn a_portal_changes_the_noise_and_not_the_light() {
     let scene = skies(Sky::Constant { radiance: DVec3::splat(2.0) }, vec![window_portal()]);
-    let [guided, plain] = guided_and_not(&scene);
+    let [sampled, plain] = sampled_and_not(&scene);
     // Black walls: the window is Lambert's polygon.
     let g = room_with_window(0.0);
-    expect(irradiance(&g, &guided, None, 512), 2.0 * lambert(&WINDOW, point(&g), DVec3::Y));
+    expect(irradiance(&g, &sampled, None, 512), 2.0 * lambert(&WINDOW, point(&g), DVec3::Y));
     // Light walls: the same with portal and without, and less noise with it at a quarter of the samples.
     let g = room_with_window(0.6);
-    let with = irradiance(&g, &guided, None, 1024);
+    let with = irradiance(&g, &sampled, None, 1024);
     for ((a, sa), (b, sb)) in with.into_iter().zip(irradiance(&g, &plain, None, 4096)) {
         assert!((a - b).abs() <= 3.0 * sa.hypot(sb), "{a} ± {sa}, {b} ± {sb}");
         assert!(sb < 0.02 * b && sa < 0.7 * sb, "{a} ± {sa}, {b} ± {sb}");
@@ -562,9 +562,9 @@ fn portals_that_miss_the_opening_or_overlap_change_no_light() {
         Sky::Constant { radiance: DVec3::splat(2.0) },
         vec![aside, window_portal(), window_portal(), aside],
     );
-    let [guided, _] = guided_and_not(&scene);
+    let [sampled, _] = sampled_and_not(&scene);
     let g = room_with_window(0.0);
-    expect(irradiance(&g, &guided, None, 2048), 2.0 * lambert(&WINDOW, point(&g), DVec3::Y));
+    expect(irradiance(&g, &sampled, None, 2048), 2.0 * lambert(&WINDOW, point(&g), DVec3::Y));
 }
 
 #[test]
@@ -582,7 +582,7 @@ fn an_image_sky_gives_its_integral_with_its_bright_spot_looked_for() {
     };
     let mut g = Geometry { materials: vec![material(0.0)], ..Geometry::default() };
     quad(&mut g, vec3(-1.0, 0.0, 1.0), vec3(2.0, 0.0, 0.0), vec3(0.0, 0.0, -2.0), 0);
-    let [guided, plain] = guided_and_not(&skies(Sky::Image(image), Vec::new()));
+    let [sampled, plain] = sampled_and_not(&skies(Sky::Image(image), Vec::new()));
     // ∫ L cos θ dω over the upper hemisphere by midpoints: sin² θ and the azimuth are even under the cosine.
     const N: usize = 1500;
     let mut sum = 0.0;
@@ -592,12 +592,12 @@ fn an_image_sky_gives_its_integral_with_its_bright_spot_looked_for() {
             let phi = (j as f64 + 0.5) / N as f64 * 2.0 * PI;
             let direction = dvec3(sin * phi.cos(), (1.0 - sin * sin).sqrt(), sin * phi.sin());
             let mut out = [Rgb::ZERO];
-            guided.sky.add(direction.as_vec3(), Rgb::ONE, &mut out);
+            sampled.sky.add(direction.as_vec3(), Rgb::ONE, &mut out);
             sum += f64::from(out[0].y);
         }
     }
     let integral = PI * sum / (N * N) as f64;
-    let measured = irradiance(&g, &guided, None, 1024);
+    let measured = irradiance(&g, &sampled, None, 1024);
     expect(measured.clone(), integral);
     for ((_, with), (b, without)) in measured.into_iter().zip(irradiance(&g, &plain, None, 1024)) {
         assert!(with < 0.5 * without && (b - integral).abs() <= 3.5 * without, "{with}, {b} ± {without}");

@@ -15,8 +15,8 @@ use crate::trace::lights::Lights;
 /// yard and the room; but where bright paths are rare and nothing is local, chance then decides: 1.8 times
 /// the squared error of even samples, with six 1.3.)
 const NEIGHBOUR_REACH: usize = 6;
-/// log₂ of the least number of samples, relative to the mean: the dark, which differs little, is to be looked
-/// at too.
+/// log₂ of the least number of samples, relative to the mean: the dark, which differs little, is to be
+/// sampled too.
 const LEAST_LOG2_SHARE: i32 = -1;
 /// log₂ of the greatest.
 const MOST_LOG2_SHARE: i32 = 4;

@@ -43,8 +43,8 @@ pub struct Worker<'a> {
     pub bins: &'a FaceBins,
     /// Seed of all randomness.
     pub seed: u64,
-    /// Samples of indirect light per texel that are sure to be drawn: what comes before them costs no more
-    /// than they are worth.
+    /// Least samples of indirect light per texel: all, or towards a target or under a time limit those of the
+    /// first round. The work before the rounds is scaled by it.
     pub guaranteed_samples: u32,
 }
 

@@ -93,8 +93,8 @@ impl CacheSystem {
         size_of::<Rgb>() * layers + paths * size_of::<PathEnd>()
     }
 
-    /// Passes until nothing changes; `note` is told of each. `endless` is the error where the light grows
-    /// without end.
+    /// Makes passes until nothing changes; `note` is called before each. `endless` makes the error for light
+    /// that grows without end.
     pub fn solve(
         &self,
         mut note: impl FnMut(usize),
@@ -290,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn few_samples_take_few_walks() {
+    fn few_samples_take_few_paths() {
         let of = |samples| paths_per_entry(1 << 21, samples);
         assert_eq!([2, 4, 8, 16, 64, 256].map(of), [4, 4, 8, 16, 16, 16]);
         assert_eq!([512, 1024].map(|samples| paths_per_entry(1 << 18, samples)), [32, 64]);

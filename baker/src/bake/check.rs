@@ -402,16 +402,16 @@ fn reference(worker: &Worker, index: u32, samples: u32) -> crate::Result<[Vec<Rg
     let halves = [0, 1].map(|half| {
         let sequence = worker.sequence(&surface, texel, Stream::Check, half);
         let mut sums = vec![Rgb::ZERO; lights.layers()];
-        let (mut direct, mut met) = (sums.clone(), vec![Rgb::ZERO; lights.hit_lights()]);
+        let (mut direct, mut hit_light) = (sums.clone(), vec![Rgb::ZERO; lights.hit_lights()]);
         let mut taken = 0u32;
         for i in 0..samples / 2 {
             let sample = sequence.sample(i);
             let Some(at) = worker.receiver(&surface, texel, sample, probes, &mut counts) else { continue };
             taken += 1;
             worker.transport.add_direct(&at, Rgb::ONE, sample, 0, &mut direct, &mut counts);
-            worker.trace_path(&at, sample, None, &mut sums, &mut met, &mut counts);
+            worker.trace_path(&at, sample, None, &mut sums, &mut hit_light, &mut counts);
         }
-        lights.add_held(&direct, &met, &mut sums);
+        lights.add_held(&direct, &hit_light, &mut sums);
         sums.iter_mut().for_each(|s| *s /= taken.max(1) as f32);
         sums
     });

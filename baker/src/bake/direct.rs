@@ -222,10 +222,10 @@ fn direct_budgets(
     let lights = means.len();
     // Of many groups each has its own bright texels, and those of all together are many.
     let fewer = if lights - suns > FEW_GROUPS { LESS } else { 0 };
-    // The place of each texel of the block among the covered ones. (Neighbours in other blocks are not asked:
+    // The index of each texel of the block among the covered ones. (Neighbours in other blocks are not asked:
     // along their borders some edges of shadows are found less surely.)
-    let mut place = vec![None; surface.width * surface.height];
-    covered.iter().enumerate().for_each(|(i, &texel)| place[texel] = Some(i));
+    let mut index = vec![None; surface.width * surface.height];
+    covered.iter().enumerate().for_each(|(i, &texel)| index[texel] = Some(i));
     let mut direct_budgets = vec![0; pilot_samples.len()];
     for (i, &texel) in covered.iter().enumerate() {
         let (x, y) = (texel % surface.width, texel / surface.width);
@@ -235,7 +235,7 @@ fn direct_budgets(
             (y > 0).then(|| texel - surface.width),
             (y + 1 < surface.height).then(|| texel + surface.width),
         ];
-        let beside = beside.map(|t| t.and_then(|t| place[t]));
+        let beside = beside.map(|t| t.and_then(|t| index[t]));
         for light in 0..lights {
             let own = &pilot_samples[i * lights + light];
             let beside = || beside.iter().flatten().map(|&n| &pilot_samples[n * lights + light]);
@@ -271,15 +271,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn samples_follow_the_want() {
-        let wanted =
+    fn samples_follow_the_budget() {
+        let samples_of =
             |log2, samples| DirectBudget { log2, halvings: 0 }.samples(samples, FIRST_DIRECT_SAMPLES);
-        assert_eq!(wanted(0, 128), 4);
-        assert_eq!(wanted(0, 1024), 32);
-        assert_eq!([1, 3, 4, 6].map(|budget| wanted(budget, 128)), [16, 64, 128, 512]);
-        assert_eq!(wanted(6, 2), 8);
-        assert_eq!(wanted(6, u32::MAX), 1 << 15);
-        assert_eq!(wanted(0, 0), FIRST_DIRECT_SAMPLES);
+        assert_eq!(samples_of(0, 128), 4);
+        assert_eq!(samples_of(0, 1024), 32);
+        assert_eq!([1, 3, 4, 6].map(|budget| samples_of(budget, 128)), [16, 64, 128, 512]);
+        assert_eq!(samples_of(6, 2), 8);
+        assert_eq!(samples_of(6, u32::MAX), 1 << 15);
+        assert_eq!(samples_of(0, 0), FIRST_DIRECT_SAMPLES);
     }
 
     #[test]
@@ -289,7 +289,7 @@ mod tests {
     }
 
     #[test]
-    fn halvings_leave_one_sample_and_what_is_wanted() {
+    fn halvings_leave_one_sample_and_the_budget() {
         let of =
             |log2, halvings, samples| DirectBudget { log2, halvings }.samples(samples, FIRST_DIRECT_SAMPLES);
         assert_eq!([0, 1, 2, 4].map(|h| of(0, h, 64)), [4, 2, 1, 1]);

@@ -1,4 +1,5 @@
-//! Indirect light at the texels of a block: paths that end in the cache, and bright-surface samples.
+//! Path-traced light (indirect light, and that straight from the sky) at the texels of a block: paths that
+//! end in the cache, and bright-surface samples.
 
 use super::allocate::shared;
 use super::block::{Stream, Worker, sum};
@@ -41,7 +42,7 @@ pub struct Cache<'a> {
 /// What a cell sees of the bright surfaces of one light group, or of daylight.
 struct CellView {
     view: BrightSurfaceView,
-    /// The part of its paths that come with a sample of them.
+    /// The probability that a path is joined by a sample of them.
     chance: f32,
 }
 
@@ -59,17 +60,20 @@ impl<'a> Cache<'a> {
             BrightLayers { layers: layer..layer + 1, key: lights.groups[g].key, clusters }
         };
         let daylight = BrightLayers { layers: 0..lights.sky_layers().end, key: 0, clusters: MOST_CLUSTERS };
-        let parts = [daylight].into_iter().chain((0..lights.groups.len()).map(of_group));
+        let all_layers = [daylight].into_iter().chain((0..lights.groups.len()).map(of_group));
         let sides = sides(geometry, &map);
-        let of_part = |part| BrightSurfaces::new(geometry, &map, &halves, &sides, part);
-        let bright_surfaces: Vec<BrightSurfaces> = parts.filter_map(of_part).collect();
+        let find = |bright_layers| BrightSurfaces::new(geometry, &map, &halves, &sides, bright_layers);
+        let bright_surfaces: Vec<BrightSurfaces> = all_layers.filter_map(find).collect();
         let cells =
             if bright_surfaces.is_empty() { 0 } else { worker.bins.columns * worker.bins.rows * CELLS };
         let views = (0..cells).map(|_| OnceLock::new()).collect();
         let facets: Vec<&[BrightFacet]> = bright_surfaces.iter().map(BrightSurfaces::facets).collect();
         let index = BrightFacetIndex::new(geometry.triangles.len(), &facets);
         // (Daylight stands first, if it has any.)
-        let first = bright_surfaces.iter().take_while(|r| r.layers.end <= lights.sky_layers().end).count();
+        let first = bright_surfaces
+            .iter()
+            .take_while(|surfaces| surfaces.layers.end <= lights.sky_layers().end)
+            .count();
         let of_many = if lights.groups.len() > FEW_GROUPS { first..bright_surfaces.len() } else { 0..0 };
         Cache { map, halves, bright_surfaces, index, of_many, views }
     }
@@ -77,14 +81,14 @@ impl<'a> Cache<'a> {
     /// Each view with the chance of a sample: where groups are many, in proportion to the light that arrives
     /// beside the mean of their layers. Daylight is always sampled.
     fn cell_views(&self, views: Vec<Option<BrightSurfaceView>>) -> Vec<Option<CellView>> {
-        let mut taken = vec![1.0; views.len()];
-        let of_many = &mut taken[self.of_many.clone()];
+        let mut sample_chances = vec![1.0; views.len()];
+        let of_many = &mut sample_chances[self.of_many.clone()];
         let worth = |view: &Option<BrightSurfaceView>| view.as_ref().map_or(0.0, BrightSurfaceView::worth);
         of_many.iter_mut().zip(&views[self.of_many.clone()]).for_each(|(chance, view)| *chance = worth(view));
         chances(of_many, BRIGHT_GROUPS_PER_PATH);
         let cell_view =
             |(view, chance): (Option<BrightSurfaceView>, f32)| Some(CellView { view: view?, chance });
-        views.into_iter().zip(taken).map(cell_view).collect()
+        views.into_iter().zip(sample_chances).map(cell_view).collect()
     }
 
     /// What a cell sees of the bright surfaces of each light group, and of daylight.
@@ -96,7 +100,7 @@ impl<'a> Cache<'a> {
 /// Clusters of bright facets of all light groups together, where there are more than [`FEW_GROUPS`].
 const MANY_CLUSTERS: usize = 1024;
 
-/// Those that a group has at least.
+/// Least clusters of a group.
 const LEAST_CLUSTERS: usize = 16;
 
 /// Light groups whose bright surfaces are sampled with each path, on average, where there are more than
@@ -120,7 +124,8 @@ pub struct PendingRead {
 /// entry, and paths go on.
 const NEAR_ENTRY_LENGTHS: f64 = 2.0;
 
-/// Samples between two rounds of reading. (Sums are taken in this order: it decides the bytes of every bake.)
+/// Samples after which the pending reads are made. (Sums are taken in this order: it decides the bytes of
+/// every bake.)
 const READ_EVERY: u32 = 8;
 
 /// One half of the cache, as the paths of one texel read it.
@@ -133,7 +138,7 @@ pub struct CacheReader<'a> {
 }
 
 impl CacheReader<'_> {
-    /// Adds what was put down to the sums.
+    /// Makes the pending reads and adds them to `out`.
     fn read(&mut self, out: &mut [Rgb]) {
         for PendingRead { entry, weight, layers } in self.pending.drain(..) {
             self.half.add_layers(entry, weight, layers.clone(), &mut out[layers]);
@@ -210,9 +215,9 @@ impl Worker<'_> {
         counts
     }
 
-    /// One path, ended where the cache knows the light, and a sample of its bright surfaces. What is to be
-    /// read of the cache is put down, and added with `CacheReader::read`; what is met straight of emissive
-    /// surfaces goes to `hit_light`.
+    /// One path, ended where the cache knows the light, and a sample of its bright surfaces. Reads of
+    /// the cache are pending until `CacheReader::read`; light straight from emissive surfaces goes to
+    /// `hit_light`.
     pub fn trace_path(
         &self,
         at: &Receiver,
@@ -242,12 +247,12 @@ impl Worker<'_> {
             // What a bright-surface sample finds too is shared between both.
             // (They stand in the order of their layers, which do not overlap.)
             let mut rest = 0;
-            let held =
+            let facets =
                 if arrival.is_first && !visible.is_empty() { cache.index.at(hit, *is_back) } else { &[] };
-            for held in held {
-                let Some(CellView { view, chance }) = &visible[held.part as usize] else { continue };
-                let bright_surfaces = &cache.bright_surfaces[held.part as usize];
-                let density = chance * bright_surfaces.density(view, held.facet as usize);
+            for facet in facets {
+                let Some(CellView { view, chance }) = &visible[facet.list as usize] else { continue };
+                let bright_surfaces = &cache.bright_surfaces[facet.list as usize];
+                let density = chance * bright_surfaces.density(view, facet.facet as usize);
                 if density > 0.0 {
                     let from = transport.space.front(hit.triangle).dot(arrival.direction).abs();
                     let share = balance_heuristic(arrival.pdf, density * hit.t * hit.t / from);
@@ -295,7 +300,7 @@ impl Worker<'_> {
         for (texel, probes) in surface.covered().zip(&state.probes).filter(|(_, probes)| **probes != 0) {
             texels[cell_of(surface, texel)].push((texel, *probes));
         }
-        let look = |cell: usize| {
+        let find_views = |cell: usize| {
             let (mut counts, texels) = (RayCounts::default(), &texels[cell]);
             let known = &cache.views[block * CELLS + cell];
             if !active[cell] || texels.is_empty() || known.get().is_some() {
@@ -308,11 +313,12 @@ impl Worker<'_> {
                     Some((self.receiver(surface, texel, sample, probes, &mut counts)?, sample))
                 })
                 .collect();
-            let view = |r: &BrightSurfaces| r.view(&self.transport.space, &receivers, &mut counts);
+            let view =
+                |surfaces: &BrightSurfaces| surfaces.view(&self.transport.space, &receivers, &mut counts);
             let views = cache.bright_surfaces.iter().map(view).collect();
             let _ = known.set(cache.cell_views(views));
             counts
         };
-        sum((0..CELLS).into_par_iter().map(look).collect::<Vec<_>>())
+        sum((0..CELLS).into_par_iter().map(find_views).collect::<Vec<_>>())
     }
 }

@@ -79,7 +79,7 @@ impl Layers {
 
     /// A folder within it for the layers of a round, which are not kept.
     pub fn provisional(&self) -> Layers {
-        Layers { root: self.root.join("trial") }
+        Layers { root: self.root.join("provisional") }
     }
 
     /// Takes over what a filter left of provisional layers, and discards the rest. (What cannot be
@@ -163,7 +163,7 @@ impl Layers {
         self.reader_of_filtered(layer)?.each(value)
     }
 
-    /// A part of a layer as traced, to be read bit by bit.
+    /// A part of a layer as traced, to be read piece by piece.
     pub fn reader(&self, digest: &str, part: Part) -> Result<LayerReader> {
         Ok(LayerReader { traced: Source::open::<Stored>(self.path(digest, part))?, filtered: None })
     }
@@ -386,7 +386,7 @@ impl Layers {
     }
 }
 
-/// A part of a layer that is read bit by bit.
+/// A part of a layer that is read piece by piece.
 pub struct LayerReader {
     traced: Source,
     /// What a filter made of it.

@@ -35,7 +35,7 @@ pub const LEAST_IRRADIANCE: f64 = 1e-7;
 pub const COUNTED_ERRORS: [f64; 3] = [0.05, 0.1, 0.2];
 /// A step of grey in a picture of errors.
 pub const PICTURE_STEP: f64 = 0.002;
-/// Rays that look around from a cell.
+/// Rays from a cell that find which cells are seen from it.
 const RAYS_PER_CELL: usize = 16;
 /// No cell.
 const NO_CELL: u32 = u32::MAX;
@@ -230,7 +230,7 @@ impl CellMap {
             face_of[face.triangle as usize] = i as u32;
         }
         let blocks = worker.blocks();
-        let progress = console.progress("looking around", blocks.len() as u64);
+        let progress = console.progress("finding visible cells", blocks.len() as u64);
         let of_block = |&block: &usize| -> crate::Result<_> {
             stop_if_interrupted()?;
             let surface = worker.surface(block);
@@ -312,9 +312,12 @@ impl CellMap {
     /// of the cells seen from it.
     pub fn floors(&self, cells: &[Sums]) -> Vec<f64> {
         let floor = |own: usize| {
-            let looks = self.seen[own].iter().filter(|seen| **seen != NO_CELL).map(|seen| *seen as usize);
-            let lit =
-                std::iter::once(own).chain(looks).map(|cell| &cells[cell]).filter(|sums| sums.values > 0);
+            let seen_cells =
+                self.seen[own].iter().filter(|seen| **seen != NO_CELL).map(|seen| *seen as usize);
+            let lit = std::iter::once(own)
+                .chain(seen_cells)
+                .map(|cell| &cells[cell])
+                .filter(|sums| sums.values > 0);
             let mut lights: Vec<f64> = lit.map(Sums::mean).collect();
             lights.sort_by(f64::total_cmp);
             // Of two in the middle the lesser: it asks for more.

@@ -7,10 +7,10 @@ use crate::light::emitter::emitters;
 use crate::light::extra_times::{self, ExtraTimes};
 use crate::light::ground;
 use crate::light::group::GroupSampler;
-use crate::light::guide::SkyGuide;
 use crate::light::harmonics;
 use crate::light::schedule::{Hours, TimePoint, switches_outside};
 use crate::light::sky::{self, SkyTable};
+use crate::light::sky_sampler::SkySampler;
 use crate::light::sun::{self, SunDisc};
 use crate::scene::{Baked, Lamp, Scene, Sky};
 use crate::trace::lights::{GroupLight, Lights, SunLight};
@@ -38,7 +38,7 @@ pub struct Plan {
     pub sky_of: Vec<Option<usize>>,
     /// The groups that shine at some time.
     pub groups: Vec<PlannedGroup>,
-    /// Per group of the scene, its place among `groups`.
+    /// Per group of the scene, its index among `groups`.
     pub index_of_group: Vec<Option<usize>>,
     /// Which part of the suns' light lightmaps hold.
     sun_baked: Baked,
@@ -54,7 +54,7 @@ pub struct Plan {
 pub struct PlannedGroup {
     /// Its name.
     pub name: String,
-    /// Its place among the groups of the scene.
+    /// Its index among the groups of the scene.
     index: u32,
     /// Per channel, what the traced layer is multiplied by: the greatest light of its lamps and surfaces.
     pub scale: Rgb,
@@ -222,7 +222,7 @@ impl Plan {
             layers.iter().filter(|&&l| (n..n + m).contains(&l)).map(|&l| self.sky_hours[l - n]).collect();
         let sky = SkyTable::new(scene.sky.as_ref(), scene.location.as_ref(), &hours);
         let ground = self.ground(scene, layers);
-        let guide = SkyGuide::new(scene, &sky, geometry.origin);
+        let sky_sampler = SkySampler::new(scene, &sky, geometry.origin);
         let mut groups: Vec<GroupLight> = Vec::new();
         let mut index_of_group = vec![None; self.index_of_group.len()];
         for &layer in layers.iter().filter(|&&l| l >= n + m) {
@@ -239,7 +239,7 @@ impl Plan {
         Lights {
             suns,
             sky,
-            guide,
+            sky_sampler,
             ground,
             groups,
             index_of_group,

@@ -30,7 +30,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
-/// Changes whenever the same scene would give other texels.
+/// Changes whenever the same scene would give other texels. (Hashed into digests: an old name for paths.)
 const METHOD: &str = "walks-24";
 
 /// A scene read and planned: what a bake would do.
@@ -48,7 +48,7 @@ pub struct Prepared {
     pub geometry: Geometry,
     /// The layers.
     pub plan: Plan,
-    /// The sun's course over the time that is baked, where its visibility is to be found.
+    /// The times at which the sun's visibility is to be found; `None` where it is not.
     pub visibility_times: Option<VisibilityTimes>,
     /// How light will be followed.
     pub integrator: Integrator,
@@ -326,11 +326,11 @@ fn apply(scene: &mut Scene, options: &Options) -> Result<()> {
     Ok(())
 }
 
-/// The sun's course over the time that is baked, where its visibility is to be found; else why it is not,
-/// where there is a sun.
+/// The times at which the sun's visibility is to be found; where it is not, `skipped` gets the reason, if
+/// there is a sun.
 ///
 /// # Errors
-/// [`Error::Unsupported`] of a course with more times than a dataset holds.
+/// [`Error::Unsupported`] for more times than a dataset holds.
 fn visibility_times(
     scene: &Scene,
     hours: &Hours,
@@ -362,7 +362,7 @@ fn visibility_times(
     }
     if visibility_times.hours.len() > MOST_TIMES {
         let what = format!(
-            "the sun's visibility has {} times along this course; expected {MOST_TIMES} at most: fewer keys, or visibility = \"off\"",
+            "the sun's visibility has {} times; expected {MOST_TIMES} at most: fewer keys, or visibility = \"off\"",
             visibility_times.hours.len()
         );
         return Err(Error::unsupported("[sun] track", what));

@@ -105,13 +105,13 @@ impl Worker<'_> {
             return false;
         }
         // The outermost points in four directions, and the middle one.
-        let mut told: [Option<(&Receiver, f64)>; 4] = [None; 4];
+        let mut outermost: [Option<(&Receiver, f64)>; 4] = [None; 4];
         for point in points() {
             let at = surface_axes.coordinates_of(point);
-            for (k, told) in told.iter_mut().enumerate() {
+            for (k, outermost) in outermost.iter_mut().enumerate() {
                 let reach = if k & 1 == 0 { at.x } else { -at.x } + if k & 2 == 0 { at.y } else { -at.y };
-                if told.is_none_or(|(_, farthest)| reach > farthest) {
-                    *told = Some((point, reach));
+                if outermost.is_none_or(|(_, farthest)| reach > farthest) {
+                    *outermost = Some((point, reach));
                 }
             }
         }
@@ -121,7 +121,7 @@ impl Worker<'_> {
             space.is_in_solid(middle, &mut known_hits, counts)
                 || space.is_enclosed(middle, &mut known_hits, counts)
         });
-        let corners = told.into_iter().flatten();
+        let corners = outermost.into_iter().flatten();
         !is_inside
             && !corners
                 .into_iter()

@@ -97,7 +97,7 @@ impl Traced {
         self.rounds.last().map(|round| round.samples.max(self.kept_samples))
     }
 
-    /// Takes over what holds for the layers that are kept, as the tracing that left them told.
+    /// Takes over what holds for the layers that are kept, as the tracing that left them reported.
     pub fn keep(&mut self, kept: &Traced) {
         self.kept_samples = kept.samples().unwrap_or(0);
         self.out_of_time |= kept.out_of_time;
@@ -165,12 +165,12 @@ pub fn note(round: &Round, limits: &Limits) -> String {
         Some(_) => format!(", {} of 16×16 texels above the target", count(round.unconverged_cells, "cell")),
         None => String::new(),
     };
-    let told = |local: LocalErrorSummary| {
+    let in_words = |local: LocalErrorSummary| {
         let [median, p95] = [local.median, local.p95].map(|error| error * 100.0);
         format!("median {median:.1} %, 95 % below {p95:.1} %")
     };
-    let denoised = round.denoised.map_or(String::new(), |local| format!("; denoised: {}", told(local)));
-    let traced = told(round.local.unwrap_or_default());
+    let denoised = round.denoised.map_or(String::new(), |local| format!("; denoised: {}", in_words(local)));
+    let traced = in_words(round.local.unwrap_or_default());
     format!("local error: {traced}, at {} samples{denoised}{unconverged}", round.samples)
 }
 

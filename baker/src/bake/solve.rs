@@ -45,7 +45,7 @@ pub fn bytes(entries: usize, layers: usize, paths: usize) -> u64 {
 
 /// What is found out about a block before the cache is laid out.
 pub struct Covered {
-    /// Its covered texels, as places on the page.
+    /// Its covered texels, as page indices.
     texels: Vec<u32>,
     /// Those among them that a wall divides, and points of the side they stand for.
     split: Vec<(u32, Vec<Receiver>)>,
@@ -61,7 +61,7 @@ pub fn covered(worker: &Worker, surface: &BlockSurface, probes: &[u16]) -> Cover
         split: Vec::new(),
         counts: RayCounts::default(),
     };
-    for (texel, &probes) in surface.covered().zip(probes).filter(|(_, o)| **o != ALL_PROBES) {
+    for (texel, &probes) in surface.covered().zip(probes).filter(|(_, probes)| **probes != ALL_PROBES) {
         // (What counts as no surface is not solved for: a path that lands there goes on.)
         if !is_usable(probes) {
             found.split.push((page_index(texel), Vec::new()));
@@ -114,10 +114,10 @@ pub fn fill<'a>(
     Ok((Cache::new(worker, map, halves), solution, counts))
 }
 
-/// Paths per patch and half where a texel gets `samples` paths, both halves together: in a half, all patches
-/// have no more of them than all squares of the cache have samples in both, but each patch has
-/// [`LEAST_PATHS`], however many there are. (What a city has without texels is mostly small triangles: they
-/// are many, and none matters much by itself.)
+/// Paths per patch and half where a texel gets `samples` paths, both halves together: all patches together
+/// get at most as many paths per half as all squares of the cache get samples, and each at least
+/// [`LEAST_PATHS`]. (What a city has without texels is mostly small triangles: they are many, and none
+/// matters much by itself.)
 fn patch_paths(map: &CacheMap, paths: usize, samples: u32) -> usize {
     let reads = map.squares() * samples as usize;
     let worth = reads / map.patches().max(1);

@@ -146,8 +146,8 @@ fn trace_patches(
         for i in 0..direct {
             let sample = sequence.sample((paths + i) as u32);
             let Some(at) = at(sample) else { continue };
-            let inverse_path_count = Rgb::splat(1.0 / direct as f32);
-            worker.transport.add_direct(&at, inverse_path_count, sample, 0, &mut source, &mut counts);
+            let weight = Rgb::splat(1.0 / direct as f32);
+            worker.transport.add_direct(&at, weight, sample, 0, &mut source, &mut counts);
         }
         let start = |i: usize, _: &mut RayCounts| {
             let sample = sequence.sample(i as u32);

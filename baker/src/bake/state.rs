@@ -25,7 +25,7 @@ pub fn is_enough(points: u32) -> bool {
     points >= PROBES / 8
 }
 
-/// Samples of one sampled light straight at one half of a texel.
+/// Sums of the direct samples of one light in one half of a texel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Direct {
@@ -90,10 +90,10 @@ pub struct BlockState {
     pub probes: Vec<u16>,
     /// `[texel][half][sampled light]`.
     pub direct: Vec<Direct>,
-    /// `[texel][sampled light]`: pilot samples, by which it is decided how many are wanted; empty before they
+    /// `[texel][sampled light]`: pilot samples, by which it is decided how many are drawn; empty before they
     /// are drawn and after the decision.
     pub pilot_samples: Vec<Direct>,
-    /// `[texel][sampled light]`: how many direct samples are wanted, decided once (see [`super::direct`]);
+    /// `[texel][sampled light]`: how many direct samples are drawn, decided once (see [`super::direct`]);
     /// empty before that.
     pub direct_budgets: Vec<u8>,
     /// Per texel, log₂ of how many times the mean number of samples (the page's, or towards a target its

@@ -267,7 +267,7 @@ impl Tracer<'_> {
                 Some(_) => done.into_iter().map(Some).collect(),
                 None => blocks.iter().map(|_| None).collect(),
             };
-            // A round that is told to be finished must be found finished, after a power failure too.
+            // A round reported as finished must be found finished, after a power failure too.
             self.folder.sync_blocks(&blocks)?;
             self.folder.write(ROUNDS, &traced.rounds)?;
         }

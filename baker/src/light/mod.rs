@@ -19,7 +19,7 @@ pub mod lamp;
 pub mod emitter;
 mod tree;
 pub mod group;
-pub mod guide;
+pub mod sky_sampler;
 
 use crate::Rgb;
 use glam::{DVec2, DVec3};

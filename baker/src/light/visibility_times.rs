@@ -1,4 +1,4 @@
-//! The sun's course over the time that is baked: when it is looked at, and where it stands then.
+//! The times at which the sun's visibility is found, and the sun at each.
 
 use super::sun::{self, SunDisc};
 use crate::scene::{Location, Sun, SunTrack};
@@ -31,7 +31,7 @@ pub struct VisibilityTimes {
 }
 
 impl VisibilityTimes {
-    /// The course of a sun between two hours. `minutes`: the finest step, 15 or 2.5.
+    /// The times between two hours. `minutes`: the finest step, 15 or 2.5.
     ///
     /// The times are those of the clock at that step, both ends, the keys of an authored course, the first
     /// and last second of sun, and the middle of every time of sun that lies between two others.

@@ -4,10 +4,10 @@ use crate::Error;
 use std::fmt;
 use std::str::FromStr;
 
-/// What builds the hierarchy and walks it.
+/// What builds the hierarchy and traverses it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Backend {
-    /// Our own walk through a hierarchy built by obvhs. Always there.
+    /// Our own traversal of a hierarchy built by obvhs. Always there.
     #[default]
     Obvhs,
     /// Intel's Embree 4, in builds with the feature `embree`.

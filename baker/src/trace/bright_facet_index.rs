@@ -18,8 +18,8 @@ pub struct BrightFacetIndex {
 /// A bright facet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FacetRef {
-    /// Whose it is: an index into the lists of facets.
-    pub part: u32,
+    /// Index of its list, as given to [`BrightFacetIndex::new`].
+    pub list: u32,
     /// Its index in that list.
     pub facet: u32,
 }
@@ -27,11 +27,11 @@ pub struct FacetRef {
 impl BrightFacetIndex {
     /// The index of several lists of facets, of a scene of so many triangles. (All cut a side in the same
     /// way.)
-    pub fn new(triangles: usize, parts: &[&[BrightFacet]]) -> Self {
-        let mut sides = vec![[(NONE, 0); 2]; if parts.is_empty() { 0 } else { triangles }];
+    pub fn new(triangles: usize, lists: &[&[BrightFacet]]) -> Self {
+        let mut sides = vec![[(NONE, 0); 2]; if lists.is_empty() { 0 } else { triangles }];
         // How many each holds, one place further on; then their sums.
         let mut from = vec![0u32];
-        for facet in parts.iter().copied().flatten() {
+        for facet in lists.iter().copied().flatten() {
             let first_and_along = &mut sides[facet.triangle as usize][usize::from(facet.is_back)];
             if first_and_along.0 == NONE {
                 *first_and_along = (from.len() as u32 - 1, facet.along);
@@ -41,12 +41,12 @@ impl BrightFacetIndex {
         }
         (1..from.len()).for_each(|i| from[i] += from[i - 1]);
         let mut next = from.clone();
-        let mut held = vec![FacetRef { part: 0, facet: 0 }; from[from.len() - 1] as usize];
-        for (part, facets) in parts.iter().enumerate() {
+        let mut held = vec![FacetRef { list: 0, facet: 0 }; from[from.len() - 1] as usize];
+        for (list, facets) in lists.iter().enumerate() {
             for (i, facet) in facets.iter().enumerate() {
                 let first = sides[facet.triangle as usize][usize::from(facet.is_back)].0;
                 let next = &mut next[(first + facet.number) as usize];
-                held[*next as usize] = FacetRef { part: part as u32, facet: i as u32 };
+                held[*next as usize] = FacetRef { list: list as u32, facet: i as u32 };
                 *next += 1;
             }
         }

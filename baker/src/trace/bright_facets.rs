@@ -15,7 +15,7 @@ use std::ops::Range;
 const FACET_LENGTH: f64 = 2.0;
 /// Most facets along a side of a triangle.
 const MOST_FACETS_ALONG: u32 = 1024;
-/// Most facets that are looked at; they get longer where there would be more.
+/// Most facets that are considered; where there would be more, they are longer.
 const MOST_FACETS: u64 = 1 << 24;
 /// Facets this many times as bright as the mean are lights.
 const BRIGHT_FACTOR: f32 = 4.0;
@@ -64,7 +64,7 @@ pub struct BrightFacet {
     pub normal: Vec3,
 }
 
-/// Facets that lie together and look the same way, about.
+/// Nearby facets with similar normals.
 #[derive(Clone, Copy, Debug)]
 pub struct Cluster {
     /// The first of its facets.
@@ -104,7 +104,7 @@ struct SentLight<'a> {
 impl BrightFacets {
     /// The bright facets among all surfaces of the cache, in `most_clusters` at most, by the light of
     /// `layers`; `None` where little comes from them.
-    pub fn bright(
+    pub fn find(
         geometry: &Geometry,
         map: &CacheMap,
         halves: &[CacheHalf; 2],

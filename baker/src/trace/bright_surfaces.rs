@@ -1,7 +1,7 @@
-//! Bright surfaces as lights. What a path meets by the cosine alone, and reads from the cache, is noisy where
-//! much of the light comes from little surface: a patch of sun on the floor, the inside of a lampshade. Once
-//! the cache is solved, those are known: they are cut into facets, sampled, and weighted against the path by
-//! the balance heuristic.
+//! Bright surfaces as lights. Cosine-sampled paths that read the cache are noisy where much of the light
+//! comes from little surface: a patch of sun on the floor, the inside of a lampshade. Once the cache is
+//! solved, those are known: they are cut into facets, sampled, and weighted against the path by the balance
+//! heuristic.
 //!
 //! Daylight has facets of its own, shared by all its layers, and so has every group. Of more than a few
 //! groups some are sampled with each path ([`super::light_subset`]). A facet is chosen in proportion to √Σ
@@ -80,10 +80,10 @@ impl BrightSurfaces {
         map: &CacheMap,
         halves: &[CacheHalf; 2],
         sides: &[TriangleSide],
-        part: BrightLayers,
+        bright_layers: BrightLayers,
     ) -> Option<Self> {
-        let BrightLayers { layers, key, clusters } = part;
-        let bright = BrightFacets::bright(geometry, map, halves, sides, layers.clone(), clusters)?;
+        let BrightLayers { layers, key, clusters } = bright_layers;
+        let bright = BrightFacets::find(geometry, map, halves, sides, layers.clone(), clusters)?;
         let BrightFacets { facets, up_to, clusters } = bright;
         Some(BrightSurfaces { layers, key, facets, up_to, clusters })
     }
@@ -97,7 +97,7 @@ impl BrightSurfaces {
         counts: &mut RayCounts,
     ) -> Option<BrightSurfaceView> {
         let is_free = |r: usize, direction: Vec3, distance: f32| {
-            counts.reflector += 1;
+            counts.bright_surface += 1;
             let at = &receivers[r].0;
             !space.ray_tracer.occluded(at.origin, direction, distance * (1.0 - 1e-3), at.triangle)
         };
@@ -183,7 +183,7 @@ impl BrightSurfaces {
         if !(weight.is_finite() && weight > 0.0) {
             return None;
         }
-        counts.reflector += 1;
+        counts.bright_surface += 1;
         // The ray must not be stopped by the very surface it looks for.
         let reach = space.ray_tracer.distance_before(at.origin, direction, distance, triangle);
         let through = space.ray_tracer.transmittance(at.origin, direction, reach, at.triangle);

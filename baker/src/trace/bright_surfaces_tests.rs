@@ -60,8 +60,8 @@ fn hit(triangle: u32, barycentric: Vec3) -> Hit {
     Hit { triangle, barycentric, t: 1.0 }
 }
 
-/// Calls back with the reflectors of the floor.
-fn with_reflectors(bright: f32, test: impl FnOnce(&Geometry, Option<BrightSurfaces>)) {
+/// Calls back with the bright surfaces of the floor.
+fn with_bright_surfaces(bright: f32, test: impl FnOnce(&Geometry, Option<BrightSurfaces>)) {
     let (geometry, atlas) = floor();
     let all = 0..(atlas.width * atlas.height) as usize;
     let map = CacheMap::new(&atlas, &geometry, (0, usize::MAX), all);
@@ -94,12 +94,12 @@ fn with_reflectors(bright: f32, test: impl FnOnce(&Geometry, Option<BrightSurfac
 
 #[test]
 fn even_light_has_no_bright_facets() {
-    with_reflectors(1.0, |_, bright_surfaces| assert!(bright_surfaces.is_none()));
+    with_bright_surfaces(1.0, |_, bright_surfaces| assert!(bright_surfaces.is_none()));
 }
 
 #[test]
 fn points_are_drawn_from_the_bright_square_with_the_density_told() {
-    with_reflectors(100.0, |geometry, bright_surfaces| {
+    with_bright_surfaces(100.0, |geometry, bright_surfaces| {
         let bright_surfaces = bright_surfaces.expect("a bright square");
         // Listed second, after a list of every other facet: both are found, in this order.
         let others: Vec<BrightFacet> = bright_surfaces.facets().iter().copied().step_by(2).collect();
@@ -107,11 +107,11 @@ fn points_are_drawn_from_the_bright_square_with_the_density_told() {
         let density_at = |view: &BrightSurfaceView, hit: &Hit, is_back: bool| match index.at(hit, is_back) {
             [] => 0.0,
             [held] => {
-                assert!(held.part == 1 && held.facet % 2 == 1);
+                assert!(held.list == 1 && held.facet % 2 == 1);
                 bright_surfaces.density(view, held.facet as usize)
             }
             [other, held] => {
-                assert!((other.part, held.part, 2 * other.facet) == (0, 1, held.facet));
+                assert!((other.list, held.list, 2 * other.facet) == (0, 1, held.facet));
                 bright_surfaces.density(view, held.facet as usize)
             }
             more => panic!("{more:?}"),
@@ -165,7 +165,7 @@ fn points_are_drawn_from_the_bright_square_with_the_density_told() {
 
 #[test]
 fn a_hidden_cluster_is_drawn_rarely_but_drawn() {
-    with_reflectors(100.0, |_, bright_surfaces| {
+    with_bright_surfaces(100.0, |_, bright_surfaces| {
         let bright_surfaces = bright_surfaces.expect("a bright square");
         let receivers = [(Vec3::new(0.0, 2.0, 0.0), -Vec3::Y)];
         let number = |r: usize, k: usize| {
@@ -187,7 +187,7 @@ fn a_hidden_cluster_is_drawn_rarely_but_drawn() {
 
 #[test]
 fn a_receiver_that_faces_away_sees_nothing() {
-    with_reflectors(100.0, |_, bright_surfaces| {
+    with_bright_surfaces(100.0, |_, bright_surfaces| {
         let bright_surfaces = bright_surfaces.expect("a bright square");
         let number = |_: usize, _: usize| 0.5;
         assert!(bright_surfaces.view_from(&[(Vec3::Y, Vec3::Y)], number, |_, _, _| true).is_none());
@@ -210,7 +210,7 @@ fn a_point_of_a_facet_is_found_there() {
 
 #[test]
 fn holes_of_a_cut_out_reflect_nothing() {
-    with_reflectors(100.0, |geometry, bright_surfaces| {
+    with_bright_surfaces(100.0, |geometry, bright_surfaces| {
         let bright_surfaces = bright_surfaces.expect("a bright square");
         // Solid for x < 1, through the middle of the bright square.
         let rgba = (0..64).map(|i| [255, 255, 255, if i < 48 { 255 } else { 0 }]).collect();

@@ -36,7 +36,7 @@ pub const CUT_OUT: u32 = 1 << 31;
 /// The stack the kernels have; a built hierarchy never needs more.
 pub(super) const STACK: usize = 192;
 
-/// The hierarchy. Built by [`Bvh8::new`] (`bvh8_build`), walked in `bvh8_walk`.
+/// The hierarchy. Built by [`Bvh8::new`] (`bvh8_build`), traversed in `bvh8_traversal`.
 #[derive(Clone, Debug)]
 pub struct Bvh8 {
     /// The root first; empty without triangles.
@@ -130,13 +130,13 @@ impl Line {
 }
 
 impl Bvh8 {
-    /// The same hierarchy walked with another tier, or the best one of this machine if that is less.
+    /// The same hierarchy traversed with another tier, or the best one of this machine if that is less.
     pub fn with_tier(mut self, tier: Tier) -> Self {
         self.tier = tier.min(Tier::detect());
         self
     }
 
-    /// The tier that walks it.
+    /// The tier that traverses it.
     pub fn tier(&self) -> Tier {
         self.tier
     }

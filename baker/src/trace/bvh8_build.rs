@@ -61,14 +61,14 @@ impl Bvh8 {
         bvh
     }
 
-    /// Fills in the wide hierarchy; false where a walk could overflow the kernels' stack.
+    /// Fills in the wide hierarchy; false where a traversal could overflow the kernels' stack.
     fn merge(&mut self, geometry: &Geometry, binary: &Binary) -> bool {
         let merges = best_merges(&binary.nodes);
         self.nodes.clear();
         self.packets.clear();
         self.nodes.push(Node::EMPTY);
-        // Wide nodes to fill: (binary node, wide node, entries that a walk leaves on the stack on the way
-        // there).
+        // Wide nodes to fill: (binary node, wide node, entries that a traversal leaves on the stack on the
+        // way there).
         let mut to_fill = vec![(0, 0, 0)];
         while let Some((root, number, waiting)) = to_fill.pop() {
             let mut children = Vec::with_capacity(8);

@@ -48,7 +48,7 @@ pub struct CacheMap<'a> {
     entries: usize,
     /// Points of entries whose square reaches across a wall, on the side that the entry stands for.
     surface_points: Vec<Vec<Receiver>>,
-    /// Per square, its place among the surface points; empty while there are none.
+    /// Per square, its index in `surface_points`; empty while there are none.
     points_of: Vec<u32>,
 }
 

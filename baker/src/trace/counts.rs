@@ -18,7 +18,8 @@ pub struct RayCounts {
     /// Shadow rays to the sky, through portals or at its bright parts.
     pub sky: u64,
     /// Shadow rays to bright surfaces.
-    pub reflector: u64,
+    #[serde(alias = "reflector")]
+    pub bright_surface: u64,
     /// Rays that find out which points of a texel lie inside a solid, or behind a wall.
     pub inside: u64,
     /// Paths that ended by reading the cache.
@@ -30,7 +31,7 @@ pub struct RayCounts {
 impl RayCounts {
     /// Rays of all purposes.
     pub fn rays(&self) -> u64 {
-        self.path + self.sun + self.visibility + self.lamp + self.sky + self.reflector + self.inside
+        self.path + self.sun + self.visibility + self.lamp + self.sky + self.bright_surface + self.inside
     }
 }
 
@@ -41,7 +42,7 @@ impl std::ops::AddAssign for RayCounts {
         self.visibility += other.visibility;
         self.lamp += other.lamp;
         self.sky += other.sky;
-        self.reflector += other.reflector;
+        self.bright_surface += other.bright_surface;
         self.inside += other.inside;
         self.cached += other.cached;
         self.endless += other.endless;
@@ -54,5 +55,17 @@ impl std::ops::Add for RayCounts {
     fn add(mut self, other: Self) -> Self {
         self += other;
         self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::RayCounts;
+
+    #[test]
+    fn counts_of_older_runs_are_read() {
+        let old = r#"{ "walk": 1, "sun": 2, "lamp": 3, "sky": 4, "reflector": 5, "inside": 6, "cached": 7, "endless": 8 }"#;
+        let read: RayCounts = serde_json::from_str(old).unwrap();
+        assert_eq!((read.path, read.bright_surface, read.rays()), (1, 5, 21));
     }
 }

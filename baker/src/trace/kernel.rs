@@ -1,4 +1,4 @@
-//! Kernel file (holds `unsafe`): the walk through the hierarchy, written once over [`Lanes`].
+//! Kernel file (holds `unsafe`): traversal of the hierarchy, written once over [`Lanes`].
 //!
 //! Soundness: node and packet numbers come from [`super::bvh8_build`] alone, which makes only such as exist
 //! and refuses a hierarchy that could need more than [`STACK`] entries; entries are written before they are
@@ -27,7 +27,7 @@ impl Stack {
     #[inline(always)]
     fn push(&mut self, entry: u64) {
         debug_assert!(self.len < STACK);
-        // SAFETY: the builder bounds the entries any walk needs by STACK.
+        // SAFETY: the builder bounds the entries any traversal needs by STACK.
         unsafe { self.entries.get_unchecked_mut(self.len).write(entry) };
         self.len += 1;
     }

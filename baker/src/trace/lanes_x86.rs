@@ -2,8 +2,8 @@
 //! AVX-512VL.
 //!
 //! Soundness: [`Avx`] is private to this file, and the only code that makes one is what the entry points at
-//! the end inline. They are `unsafe` to call, and [`super::bvh8_walk`] calls each only with the tier that
-//! `Tier::detect` found.
+//! the end inline. They are `unsafe` to call, and [`super::bvh8_traversal`] calls each only with the tier
+//! that `Tier::detect` found.
 
 use super::bvh8::{Bvh8, Line};
 use super::kernel;

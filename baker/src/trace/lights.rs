@@ -4,8 +4,8 @@
 use super::light_subset::{FEW_GROUPS, chances};
 use crate::Rgb;
 use crate::light::group::GroupSampler;
-use crate::light::guide::SkyGuide;
 use crate::light::sky::SkyTable;
+use crate::light::sky_sampler::SkySampler;
 use crate::light::sun::SunDisc;
 use glam::{Vec2, Vec3};
 
@@ -16,7 +16,7 @@ pub struct Lights {
     /// The sky; its layers are `sky.lit`.
     pub sky: SkyTable,
     /// Where to look for the sky beyond what a diffuse path meets: portals, bright parts of an image.
-    pub guide: Option<SkyGuide>,
+    pub sky_sampler: Option<SkySampler>,
     /// Radiance of the ground below the horizon in each layer of suns and sky; empty: there is none.
     pub ground: Vec<Rgb>,
     /// The traced groups.
@@ -111,7 +111,7 @@ impl Lights {
         Lights {
             suns,
             sky,
-            guide: None,
+            sky_sampler: None,
             ground,
             groups,
             index_of_group,

@@ -9,7 +9,7 @@ pub mod bvh8;
 mod kernel;
 #[cfg(target_arch = "x86_64")]
 mod lanes_x86;
-mod bvh8_walk;
+mod bvh8_traversal;
 mod bvh8_box;
 mod bvh8_build;
 pub mod backend;

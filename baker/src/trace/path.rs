@@ -3,8 +3,8 @@
 //! it.
 //!
 //! The estimators are disjoint and complete. Suns and lamps are sampled from a point and are invisible to the
-//! path; the sky is met by the path. Emissive surfaces, and the sky where a guide knows its bright parts, are
-//! both sampled and met, weighted by the balance heuristic (Veach & Guibas 1995).
+//! path; the sky is met by the path. Emissive surfaces, and the sky where a sampler knows its bright parts,
+//! are both sampled and met, weighted by the balance heuristic (Veach & Guibas 1995).
 
 use super::counts::RayCounts;
 use super::light_subset::{FEW_GROUPS, SystematicSampler};
@@ -23,7 +23,7 @@ use std::f32::consts::PI;
 /// Russian roulette begins at this bounce.
 const ROULETTE_FROM: u32 = 2;
 /// The highest probability of going on under roulette, so that a path ends even where nothing absorbs.
-const GO_ON_AT_MOST: f32 = 0.999;
+const MAX_SURVIVAL: f32 = 0.999;
 /// A path whose weight has grown to this under roulette has met hardly any absorption in over two thousand
 /// bounces.
 const ENDLESS_WEIGHT: f32 = 10.0;
@@ -66,7 +66,7 @@ mod dimension {
     pub fn sun(vertex: u32) -> u32 {
         PER_VERTEX * vertex + 2
     }
-    pub fn guide(vertex: u32) -> u32 {
+    pub fn sky_sampler(vertex: u32) -> u32 {
         PER_VERTEX * vertex + 3
     }
     pub fn roulette(vertex: u32) -> u32 {
@@ -236,8 +236,8 @@ impl<'a> Transport<'a> {
         (irradiance != Rgb::ZERO && irradiance.is_finite()).then_some(irradiance)
     }
 
-    /// What a surface that is no glass sends light back from, first met from here, distributed as the cosine;
-    /// `None` also where that is the back of a one-sided triangle.
+    /// The first surface other than glass in a cosine-distributed direction; `None` also where it is the back
+    /// of a one-sided triangle.
     pub fn visible_hit(&self, at: &Receiver, sample: Sample) -> Option<Hit> {
         let direction = cosine_direction(at.normal, sample.pair(dimension::next_direction(0)));
         if direction.dot(at.face_normal) <= 0.0 {
@@ -270,7 +270,7 @@ impl<'a> Transport<'a> {
             if vertex > 0 {
                 hit_light = None;
             }
-            if let Some(light) = self.guided_sky(&at, sample, vertex, counts) {
+            if let Some(light) = self.sampled_sky(&at, sample, vertex, counts) {
                 lights.add_from_outside(light.0, weight * light.1, out, hit_light.as_deref_mut());
             }
             // Onwards, distributed as the cosine: E = ∫ L cos θ dω is estimated by π L.
@@ -287,8 +287,11 @@ impl<'a> Transport<'a> {
                 let Some(hit) =
                     self.space.ray_tracer.nearest_behind(at.origin, direction, at.triangle, &passed)
                 else {
-                    let guided = lights.guide.as_ref().map(|g| g.pdf(at.origin, at.normal, direction));
-                    let share = guided.map_or(1.0, |guided| balance_heuristic(pdf, guided));
+                    let sky_density = lights
+                        .sky_sampler
+                        .as_ref()
+                        .map(|sampler| sampler.pdf(at.origin, at.normal, direction));
+                    let share = sky_density.map_or(1.0, |density| balance_heuristic(pdf, density));
                     lights.add_from_outside(direction, beta * share, out, hit_light.as_deref_mut());
                     return;
                 };
@@ -342,11 +345,11 @@ impl<'a> Transport<'a> {
                 return;
             }
             if vertex + 1 >= ROULETTE_FROM {
-                let go_on = weight.max_element().min(GO_ON_AT_MOST);
-                if sample.number(dimension::roulette(vertex)) >= go_on {
+                let survival = weight.max_element().min(MAX_SURVIVAL);
+                if sample.number(dimension::roulette(vertex)) >= survival {
                     return;
                 }
-                weight /= go_on;
+                weight /= survival;
                 if weight.max_element() > ENDLESS_WEIGHT {
                     // (Where it is dark no light grows.)
                     counts.endless += u64::from(self.is_lit_about(&at));
@@ -363,19 +366,19 @@ impl<'a> Transport<'a> {
         }
     }
 
-    /// A direction in which the guide found open sky, and the irradiance per unit of radiance from there,
-    /// weighted against the path's own density.
-    fn guided_sky(
+    /// A direction in which the sky sampler found open sky, and the irradiance per unit of radiance from
+    /// there, weighted against the path's own density.
+    fn sampled_sky(
         &self,
         at: &Receiver,
         sample: Sample,
         vertex: u32,
         counts: &mut RayCounts,
     ) -> Option<(Vec3, Rgb)> {
-        let guide = self.lights.guide.as_ref()?;
-        let dimension = dimension::guide(vertex);
+        let sky_sampler = self.lights.sky_sampler.as_ref()?;
+        let dimension = dimension::sky_sampler(vertex);
         let u = sample.pair(dimension);
-        let (direction, pdf) = guide.sample(at.origin, at.normal, sample.number(dimension), u)?;
+        let (direction, pdf) = sky_sampler.sample(at.origin, at.normal, sample.number(dimension), u)?;
         let cosine = direction.dot(at.normal);
         if cosine <= 0.0 || direction.dot(at.face_normal) <= 0.0 {
             return None;

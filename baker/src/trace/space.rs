@@ -1,5 +1,5 @@
-//! The space light moves in: points on its surfaces, and what stands between them or around them. To what is
-//! told of a place here glass is as if it were not there.
+//! The space light moves in: points on its surfaces, and what stands between them or around them. All that
+//! tells of places here ignores glass.
 
 use super::counts::RayCounts;
 use super::ray_tracer::{RayTracer, offset_point};
@@ -88,8 +88,8 @@ impl<'a> Space<'a> {
         self.receiver_on(point, false)
     }
 
-    /// A point on one side of a triangle; on the back, the interpolated normal is turned round. (Walks go on
-    /// by it too: what a surface sends out is then what its texels show, whoever asks.)
+    /// A point on one side of a triangle; on the back, the interpolated normal is turned round. (Paths go on
+    /// by it too, so that what a surface sends out is what its texels show.)
     pub fn receiver_on(&self, point: &SurfacePoint, is_back: bool) -> Option<Receiver> {
         let triangle = point.triangle as usize;
         let front = self.front(point.triangle);

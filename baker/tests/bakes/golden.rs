@@ -95,7 +95,7 @@ fn a_room_with_window_and_lamp() {
 fn a_room_with_a_patch_of_sun() {
     let cached = golden(&sunlit_room(), "sunlit room");
     // What the patch reflects is looked for there.
-    assert!(cached.outcomes.iter().all(|outcome| outcome.rays.reflector > 1000));
+    assert!(cached.outcomes.iter().all(|outcome| outcome.rays.bright_surface > 1000));
 }
 
 #[test]

@@ -73,7 +73,7 @@ fn row(groups: usize, size: usize, integrator: Integrator) -> (Outcome, f64, f64
         "| {groups}, {integrator:?} | {:.0} | {:.0} | {:.0} | {:.1} % | {:.2} % |",
         per_texel(rays.path),
         per_texel(rays.lamp),
-        per_texel(rays.reflector),
+        per_texel(rays.bright_surface),
         100.0 * error,
         100.0 * outcome.rounds.last().and_then(|round| round.frame_errors[0]).unwrap_or(0.0),
     );
@@ -94,8 +94,8 @@ fn rays_grow_little_with_the_number_of_light_groups() {
     // differ, and a look at its bright surfaces with every path.
     let per_group = |rays: u64, outcome: &Outcome| rays as f64 / outcome.texels as f64 / 32.0;
     assert!(per_group(many.rays.lamp, &many) < 20.0, "{:?}", many.rays);
-    assert!(per_group(many.rays.reflector, &many) < 8.0, "{:?}", many.rays);
-    assert!(many.rays.reflector > 0 && eight.rays.lamp > 0);
+    assert!(per_group(many.rays.bright_surface, &many) < 8.0, "{:?}", many.rays);
+    assert!(many.rays.bright_surface > 0 && eight.rays.lamp > 0);
     // Paths ask eight of them where they are reflected.
     let [of_eight, of_many] = [8, 32].map(|groups| row(groups, 32, Integrator::Path).1);
     assert!(of_many < 1.5 * of_eight, "{of_eight} {of_many}");
@@ -152,7 +152,7 @@ fn each_of_many_light_groups_has_the_light_it_has_among_few() {
         assert!(lit && few.outcomes.iter().all(|o| o.layers.traced == 3));
         if integrator == Integrator::Cached {
             // Bright surfaces are looked at in both.
-            assert!([&few, &many].iter().all(|b| b.outcomes.iter().all(|o| o.rays.reflector > 1000)));
+            assert!([&few, &many].iter().all(|b| b.outcomes.iter().all(|o| o.rays.bright_surface > 1000)));
         }
         many.expect_texels_of(&few, &what);
         many.expect_mean_of(&few, &what);

@@ -72,7 +72,7 @@ fn a_lamps_beam_arrives_whole() {
 
 #[test]
 fn the_skys_light_through_a_keyhole_is_met_by_chance_but_not_lost() {
-    // π L times the hole's area, spread over all five sides below it. Walks meet the hole once in 60,000: the
+    // π L times the hole's area, spread over all five sides below it. Paths meet the hole once in 60,000: the
     // estimate's own error says so (10 % here), and it has no bias.
     let sky = "[sky]\nmodel = \"constant\"\nradiance = [1000, 1000, 1000]\n";
     let stage = Stage::new(&[("a.obj", box_with_hole(0.01).text())]);
@@ -82,7 +82,7 @@ fn the_skys_light_through_a_keyhole_is_met_by_chance_but_not_lost() {
 }
 
 #[test]
-fn light_that_few_walks_find_is_not_lost_towards_a_target() {
+fn light_that_few_paths_find_is_not_lost_towards_a_target() {
     // A hole of 3 cm: most cells of 256 texels have met none of it after the first round. Were each to end by
     // what it met itself, most of the light would be missing.
     let sky = "[sky]\nmodel = \"constant\"\nradiance = [1000, 1000, 1000]\n";

@@ -277,7 +277,7 @@ fn a_room_of_sheets_lets_less_than_a_hundred_thousandth_in() {
 }
 
 #[test]
-fn roulette_at_a_thousandth_ends_one_walk_in_a_thousand() {
+fn roulette_at_a_thousandth_ends_one_path_in_a_thousand() {
     // What a room of albedo 0.999 holds rests on it: numbers of 0.999 and more, over dimensions and
     // sequences; 4 σ.
     use baker::trace::sampler::{Sequence, SequenceKind};

@@ -54,7 +54,7 @@ fn in_room(baked: &Baked) -> f64 {
 }
 
 #[test]
-fn the_cache_brings_as_much_light_into_the_room_as_walks_to_their_end() {
+fn the_cache_brings_as_much_light_into_the_room_as_paths_to_their_end() {
     // Judged by the light of the whole scene, the cache's passes would end while the room has a sixth of its
     // light.
     let scene = scene();

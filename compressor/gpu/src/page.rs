@@ -32,16 +32,10 @@ impl Decoder {
     /// then all is 0, alpha too.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a page that the bundle does not have; [`Error::Device`] for one larger than a
+    /// [`Error::Bundle`] for a page that the bundle does not have; [`Error::Device`] for one larger than a
     /// texture may be.
     pub fn page(&self, page: usize, output: Output) -> Result<Page> {
-        let pages = &self.bundle.header.pages;
-        let grid = pages.get(page).ok_or_else(|| {
-            Error::Invalid(format!(
-                "page {page}; expected a number below {}, the bundle's number of pages",
-                pages.len()
-            ))
-        })?;
+        let grid = self.bundle.grid(page)?;
         let most = self.stage.device.limits().max_texture_dimension_2d as usize;
         if grid.width.max(grid.height) > most {
             return Err(Error::Device(format!(

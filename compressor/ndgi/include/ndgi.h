@@ -37,14 +37,14 @@ void ndgi_close(ndgi_bundle *bundle);
 /* Width and height of a page, counted from 0. It has tiles of 126 x 126 texels; those to the right and below may be smaller. */
 bool ndgi_page_size(const ndgi_bundle *bundle, size_t page, size_t size[2]);
 
-/* A tile at an hour (any finite number; periodic in 24), made ready to be asked for texels. It does not need the bundle any more. */
+/* A tile at an hour (decimal, any finite number; periodic in 24), made ready to be asked for texels. It does not need the bundle any more. */
 ndgi_tile_at *ndgi_tile(const ndgi_bundle *bundle, double hour, int32_t lights, size_t page, size_t column, size_t row);
 void ndgi_tile_free(ndgi_tile_at *tile);
 
 /* Its width and height in texels. */
 void ndgi_tile_size(const ndgi_tile_at *tile, size_t size[2]);
 
-/* Light at (x, y) in texels, bilinear between texel centres, which are at halves. Takes no lock and no memory. */
+/* Light at (x, y) in texels, bilinear between texel centres, which are at halves; a NaN counts as 0. Takes no lock and no memory. */
 void ndgi_tile_sample(const ndgi_tile_at *tile, float x, float y, float rgb[3]);
 
 /* All texels, row by row. `count` is the number of texels that there is room for, and must be the tile's. */

@@ -13,7 +13,7 @@ use crate::grid::{Grid, Place};
 use crate::model::{BORDER, PAYLOAD};
 use crate::pack;
 use crate::sun::{Sun, TileSun, add_shares, around};
-use crate::time::{TimePoint, fold_hour};
+use crate::time::{TimePoint, check_hour, fold_hour};
 use crate::{Error, Result};
 
 /// Default number of tiles that a [`Page`] caches: about 40 MB of full tiles with a sun, twice that behind
@@ -33,7 +33,8 @@ pub struct At<'a> {
 }
 
 impl Bundle {
-    /// This bundle at an hour (periodic in 24 h): all its light.
+    /// This bundle at a time of day, in decimal hours (18.5 is half past six in the evening; periodic in 24
+    /// h): all its light.
     ///
     /// ```
     /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
@@ -46,9 +47,7 @@ impl Bundle {
     /// # Errors
     /// [`Error::Invalid`] for an hour that is not a finite number.
     pub fn at(&self, hour: f64) -> Result<At<'_>> {
-        if !hour.is_finite() {
-            return Err(Error::invalid("hour", format!("{hour}; expected a finite number")));
-        }
+        check_hour(hour)?;
         let (point, hour) = (self.header.timeline.at(hour), fold_hour(hour));
         let is_up = |sun: &&Sun| sun.path.at(hour).is_some_and(|(_, irradiance)| irradiance != [0.0; 3]);
         let sun = self.header.sun.as_ref().filter(is_up).map(|sun| sun.near(hour));
@@ -157,7 +156,7 @@ impl<'a> At<'a> {
     /// # Errors
     /// [`Error::Invalid`] for a page that does not exist.
     pub fn page(&self, page: usize) -> Result<Page<'a>> {
-        let grid = *self.bundle.header.pages.get(page).ok_or_else(|| no_page(self.bundle, page))?;
+        let grid = self.bundle.grid(page)?;
         Ok(Page { at: self.clone(), page, grid, tiles: Vec::new(), most: KEPT, now: 0 })
     }
 }
@@ -173,14 +172,6 @@ pub struct SunAt {
     pub direction: [f32; 3],
     /// Irradiance of a surface that faces it.
     pub irradiance: [f32; 3],
-}
-
-fn no_page(bundle: &Bundle, page: usize) -> Error {
-    let pages = bundle.header.pages.len();
-    Error::invalid(
-        format!("page {page}"),
-        format!("expected a number below {pages}, the bundle's number of pages"),
-    )
 }
 
 /// A tile's direct light of the sun at one time.
@@ -292,7 +283,8 @@ impl Tile {
     /// # let tile = bundle.at(12.0)?.tile(ndgi::grid::Place { page: 0, column: 0, row: 0 })?;
     /// let mut halves = vec![[0u16; 4]; tile.width() * tile.height()];
     /// tile.decode_rgba16f(256.0, &mut halves);
-    /// // In a shader: E = texel / 256.
+    /// // In a shader: E = texel / 256. On the CPU:
+    /// let red = ndgi::half::F16::from_bits(halves[0][0]).to_f32() / 256.0;
     /// # Ok::<(), ndgi::Error>(())
     /// ```
     ///
@@ -395,10 +387,7 @@ impl Page<'_> {
     /// # Errors
     /// [`Error::Invalid`] for coordinates that are not numbers, or a damaged tile; [`Error::Io`].
     pub fn sample(&mut self, u: f32, v: f32) -> Result<[f32; 3]> {
-        if u.is_nan() || v.is_nan() {
-            return Err(Error::invalid(format!("({u}, {v})"), "expected numbers"));
-        }
-        let (Place { column, row, .. }, texel, shares) = self.grid.around(self.page, [u.into(), v.into()]);
+        let (Place { column, row, .. }, texel, shares) = self.grid.around(self.page, [u.into(), v.into()])?;
         Ok(self.tile([column, row])?.bilinear(texel, shares))
     }
 

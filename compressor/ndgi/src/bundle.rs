@@ -54,8 +54,9 @@ pub enum PageKind {
 pub struct Header {
     /// The scene's name.
     pub scene: String,
-    /// The writer and its settings, as a JSON object. Decoding does not need it; `compress evaluate` and
-    /// `bake` check with it whether the bundle belongs to the dataset.
+    /// The writer and its settings, as a JSON object; its `unit` names the unit of light: kilolux where
+    /// `bake` made the dataset. Decoding does not need it; `compress evaluate` and `bake` check with it
+    /// whether the bundle belongs to the dataset.
     pub info: String,
     /// Width and height of each page.
     pub pages: Vec<Grid>,
@@ -270,7 +271,10 @@ impl Bundle {
         let io = |source| Error::Io { path: name.clone().into(), source };
         let bytes = source.size().map_err(io)?;
         if bytes < FIXED as u64 {
-            return Err(Error::invalid(&name, format!("{bytes} bytes; expected at least {FIXED}")));
+            return Err(Error::invalid(
+                &name,
+                format!("{bytes} bytes; expected at least {FIXED}: it is not a bundle, or cut short"),
+            ));
         }
         let read = |offset: u64, length: usize| {
             let mut bytes = vec![0; length];
@@ -325,7 +329,29 @@ impl Bundle {
     }
 
     fn position(&self, place: Place) -> Result<usize> {
-        self.header.position(place).ok_or_else(|| Error::invalid(self.name_of(place), "no such tile"))
+        let grid = self.grid(place.page)?;
+        let missing = || {
+            let size =
+                format!("no such tile; the page has {} × {}, counted from 0", grid.columns(), grid.rows());
+            Error::invalid(self.name_of(place), size)
+        };
+        self.header.position(place).ok_or_else(missing)
+    }
+
+    /// A page's size in texels, and its tiles.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a page that the bundle does not have.
+    pub fn grid(&self, page: usize) -> Result<Grid> {
+        let missing = || {
+            let count = match self.header.pages.len() {
+                1 => "1 page".to_owned(),
+                n => format!("{n} pages"),
+            };
+            let what = format!("the bundle has {count}, counted from 0");
+            Error::invalid(format!("{}, page {page}", self.name), what)
+        };
+        self.header.pages.get(page).copied().ok_or_else(missing)
     }
 
     fn name_of(&self, place: Place) -> String {
@@ -393,7 +419,7 @@ impl Bundle {
 
 #[cfg(any(test, feature = "testing"))]
 impl Bundle {
-    /// The bytes of a bundle that repeats this one's pages `times` times: for tests with many tiles.
+    /// The bytes of a bundle that repeats this one's pages `copies` times: for tests with many tiles.
     ///
     /// # Errors
     /// As [`Bundle::tile`]; [`Error::Unsupported`] for a bundle of version 3.

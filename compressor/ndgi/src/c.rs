@@ -101,8 +101,7 @@ pub unsafe extern "C" fn ndgi_page_size(bundle: *const Bundle, page: usize, size
     guarded(|| {
         // SAFETY: as the caller says.
         let bundle = unsafe { bundle.as_ref() }.ok_or_else(|| Error::invalid("bundle", "is null"))?;
-        let missing = || Error::invalid(format!("page {page}"), "the bundle does not have this page");
-        let grid = bundle.header.pages.get(page).ok_or_else(missing)?;
+        let grid = bundle.grid(page)?;
         // SAFETY: as the caller says.
         unsafe {
             size.write(grid.width);

@@ -215,15 +215,17 @@ impl Decoder {
         &self.bundle
     }
 
-    /// Irradiance at (u, v) in [0, 1]² of a page, v downwards, at `hour` (periodic in 24 h); bilinear between
-    /// texel centres.
+    /// Irradiance at (u, v) in [0, 1]² of a page, v downwards, at `hour` (decimal; periodic in 24 h);
+    /// bilinear between texel centres, beyond the page as at its edge.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a page that does not exist or a damaged tile; [`Error::Io`].
+    /// [`Error::Invalid`] for a page that does not exist, an hour that is not a finite number, coordinates
+    /// that are not numbers, or a damaged tile; [`Error::Io`].
     pub fn sample(&self, page: usize, u: f64, v: f64, hour: f64) -> Result<[f32; 3]> {
-        let grid = self.grid(page)?;
+        let grid = self.bundle.grid(page)?;
+        time::check_hour(hour)?;
         let point = self.bundle.header.timeline.at(hour);
-        let (place, [x, y], [s, t]) = grid.around(page, [u, v]);
+        let (place, [x, y], [s, t]) = grid.around(page, [u, v])?;
         let (tile, lit) = (self.tile(place)?, self.sun(place)?);
         let (width, _) = grid.stored(place.column, place.row);
         let at = |dx, dy| {
@@ -258,7 +260,7 @@ impl Decoder {
     /// # Errors
     /// As [`Decoder::sample`]; [`Error::Unsupported`] where the page does not fit into memory.
     pub fn decode_page(&self, page: usize, hour: f64) -> Result<Image> {
-        let height = self.grid(page)?.height;
+        let height = self.bundle.grid(page)?.height;
         self.decode_rows(page, hour, 0..height)
     }
 
@@ -277,7 +279,7 @@ impl Decoder {
     /// # Errors
     /// As [`Decoder::decode_page`].
     pub fn decode_page_of(&self, lights: Lights, page: usize, hour: f64) -> Result<Image> {
-        let height = self.grid(page)?.height;
+        let height = self.bundle.grid(page)?.height;
         self.decode_rows_of(lights, page, hour, 0..height)
     }
 
@@ -312,7 +314,7 @@ impl Decoder {
         hour: f64,
         rows: Range<usize>,
     ) -> Result<Image> {
-        let grid = self.grid(page)?;
+        let grid = self.bundle.grid(page)?;
         if rows.start > rows.end || rows.end > grid.height {
             let what = format!("rows {}..{} requested, but it has {}", rows.start, rows.end, grid.height);
             return Err(Error::invalid(format!("page {page}"), what));
@@ -362,20 +364,6 @@ impl Decoder {
         #[cfg(not(feature = "rayon"))]
         bands.into_iter().try_for_each(decode)?;
         Ok(image)
-    }
-
-    fn grid(&self, page: usize) -> Result<crate::grid::Grid> {
-        let pages = &self.bundle.header.pages;
-        let missing = || {
-            Error::invalid(
-                format!("page {page}"),
-                match pages.len() {
-                    1 => "the bundle has 1 page, counted from 0".to_owned(),
-                    n => format!("the bundle has {n} pages, counted from 0"),
-                },
-            )
-        };
-        pages.get(page).copied().ok_or_else(missing)
     }
 }
 

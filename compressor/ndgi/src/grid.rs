@@ -1,6 +1,7 @@
 //! The grid of tiles on a page, and which page texel each stored texel repeats.
 
 use crate::model::{BORDER, PAYLOAD};
+use crate::{Error, Result};
 
 /// Where a tile stands on its page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -63,17 +64,23 @@ impl Grid {
 
     /// Where (u, v) of a page, in [0, 1]², is looked up: the tile; of the four stored texels around, whose
     /// centres are at halves, the one to the left and above; and the shares of those to the right and below.
-    /// Beyond the page it is its edge; what is not a number counts as 0.
-    pub(crate) fn around(&self, page: usize, [u, v]: [f64; 2]) -> (Place, [usize; 2], [f32; 2]) {
+    /// Beyond the page it is its edge.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for coordinates that are not numbers.
+    pub(crate) fn around(&self, page: usize, [u, v]: [f64; 2]) -> Result<(Place, [usize; 2], [f32; 2])> {
         // From −1 on; the tile that owns that texel (or the page's first) stores the other three too.
-        let axis = |u: f64, n: usize| {
-            let p = u.clamp(0.0, 1.0).max(0.0) * n as f64 - 0.5;
+        let axis = |name: &str, u: f64, n: usize| {
+            if u.is_nan() {
+                return Err(Error::invalid(name, format!("{u}; expected a number")));
+            }
+            let p = u.clamp(0.0, 1.0) * n as f64 - 0.5;
             let i = p.floor().min(n as f64 - 1.0);
             let tile = i.max(0.0) as usize / PAYLOAD;
-            (tile, (i as isize - (tile * PAYLOAD) as isize + BORDER as isize) as usize, (p - i) as f32)
+            Ok((tile, (i as isize - (tile * PAYLOAD) as isize + BORDER as isize) as usize, (p - i) as f32))
         };
-        let ((column, x, s), (row, y, t)) = (axis(u, self.width), axis(v, self.height));
-        (Place { page, column, row }, [x, y], [s, t])
+        let ((column, x, s), (row, y, t)) = (axis("u", u, self.width)?, axis("v", v, self.height)?);
+        Ok((Place { page, column, row }, [x, y], [s, t]))
     }
 
     /// Texels that belong to the tile itself: width, height.

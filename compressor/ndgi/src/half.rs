@@ -1,10 +1,12 @@
 //! Numbers of 16 bits, IEEE 754 binary16: what weights and means are stored in.
 
-/// A binary16 by its bits.
+/// A binary16. Decoded 16-bit floats ([`Tile::decode_rgba16f`](crate::at::Tile::decode_rgba16f)) are the bits
+/// of such numbers, as `u16`: [`F16::from_bits`] makes a number of them.
 ///
 /// ```
 /// use ndgi::half::F16;
 ///
+/// assert_eq!(F16::from_bits(0x3c00).to_f32(), 1.0);
 /// assert_eq!(F16::from_f32(0.1).to_f32(), 0.099975586);
 /// assert_eq!(F16::from_f32(1e9), F16::INFINITY);
 /// ```
@@ -20,6 +22,16 @@ impl F16 {
     pub const SMALLEST: F16 = F16(1);
     /// Infinity.
     pub const INFINITY: F16 = F16(0x7c00);
+
+    /// The number of these bits.
+    pub const fn from_bits(bits: u16) -> Self {
+        F16(bits)
+    }
+
+    /// Its bits.
+    pub const fn to_bits(self) -> u16 {
+        self.0
+    }
 
     /// The nearest one, of two as near the even one; beyond the largest, infinity.
     pub fn from_f32(value: f32) -> Self {

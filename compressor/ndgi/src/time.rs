@@ -4,6 +4,8 @@
 //! neighbouring frames that show the light groups in that hour's state; next to a switch, the frame on the
 //! hour's side of the switch is held.
 
+use crate::{Error, Result};
+
 /// How time and light are coded in a tile's maps; one choice for a complete bundle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Coding {
@@ -179,6 +181,14 @@ pub fn is_on(intervals: &[[f64; 2]], hour: f64) -> bool {
             from < hour && hour < to
         }
     })
+}
+
+/// Refuses an hour that is not a finite number.
+pub(crate) fn check_hour(hour: f64) -> Result<()> {
+    match hour.is_finite() {
+        true => Ok(()),
+        false => Err(Error::invalid("hour", format!("{hour}; expected a finite number"))),
+    }
 }
 
 /// `hour` folded into [0, 24); a value that is not finite counts as midnight.

@@ -84,15 +84,30 @@ fn what_is_not_a_number_is_an_error_and_what_is_beyond_a_page_is_its_edge() {
     }
     let at = bundle.at(30.5).unwrap();
     let mut page = at.page(0).unwrap();
-    assert!(page.sample(f32::NAN, 0.5).is_err() && page.sample(0.5, f32::NAN).is_err());
+    assert_eq!(page.sample(f32::NAN, 0.5).unwrap_err().to_string(), "u: NaN; expected a number");
+    assert_eq!(page.sample(0.5, f32::NAN).unwrap_err().to_string(), "v: NaN; expected a number");
     assert_eq!(page.sample(-3.0, 0.0).unwrap(), page.sample(0.0, f32::NEG_INFINITY).unwrap());
     assert_eq!(
         page.sample(0.3, 0.3).unwrap(),
         bundle.at(6.5).unwrap().page(0).unwrap().sample(0.3, 0.3).unwrap()
     );
-    assert!(at.page(bundle.header.pages.len()).is_err());
+    // A page and a tile that the bundle does not have: how many it has is said.
+    let missing = bundle.header.pages.len();
+    let nowhere = ndgi::grid::Place { page: missing, column: 0, row: 0 };
+    for error in [at.page(missing).unwrap_err(), at.tile(nowhere).unwrap_err()] {
+        let expected = format!("page {missing}: the bundle has {missing} page");
+        assert!(error.to_string().contains(&expected), "{error}");
+    }
     let nowhere = ndgi::grid::Place { page: 0, column: 1000, row: 0 };
-    assert!(at.tile(nowhere).unwrap_err().to_string().contains("no such tile"));
+    let (error, grid) = (at.tile(nowhere).unwrap_err().to_string(), bundle.grid(0).unwrap());
+    let expected = format!(
+        "page 0, tile (1000, 0): no such tile; the page has {} × {}, counted from 0",
+        grid.columns(),
+        grid.rows()
+    );
+    assert!(error.ends_with(&expected), "{error}");
+    let error = Bundle::from_bytes(vec![0; 10]).unwrap_err().to_string();
+    assert_eq!(error, "bundle: 10 bytes; expected at least 32: it is not a bundle, or cut short");
 }
 
 #[test]
@@ -139,7 +154,7 @@ fn formats_of_textures_hold_the_light() {
     for i in 0..count {
         for c in 0..3 {
             let expected = light[i][c] / peak;
-            let half = ndgi::half::F16(halves[i][c]).to_f32();
+            let half = ndgi::half::F16::from_bits(halves[i][c]).to_f32();
             assert!((half - expected).abs() <= 5e-4 * expected.max(1e-4), "{half} {expected}");
             let step = ((shared[i] >> 27) as f32 - 24.0).exp2();
             let nine = (shared[i] >> (9 * c) & 511) as f32 * step;

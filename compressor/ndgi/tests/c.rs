@@ -119,7 +119,7 @@ fn the_page_decoder_of_the_integration_guide_is_that_of_rust() {
         for (i, texel) in texels.iter().enumerate() {
             let (x, y) = (place.column * 126 + i % tile.width(), place.row * 126 + i / tile.width());
             assert_eq!(&found[4 * (y * grid.width + x)..][..4], texel, "{place:?} {i}");
-            texel[..3].iter().for_each(|e| largest = largest.max(F16(*e).to_f32()));
+            texel[..3].iter().for_each(|e| largest = largest.max(F16::from_bits(*e).to_f32()));
         }
     }
     // Nothing of it is cut, which as lux it would be.

@@ -1,5 +1,5 @@
-//! Where Adam sees the decoder's matrices: in the eigenbases of their gradients (SOAP: Vyas et al. 2024,
-//! "Improving and Stabilizing Shampoo using Adam").
+//! Where Adam sees the decoder network's matrices: in the eigenbases of their gradients (SOAP: Vyas et al.
+//! 2024, "Improving and Stabilizing Shampoo using Adam").
 //!
 //! Of a matrix the gradients G have the covariances E[G Gᵀ] and E[Gᵀ G]. With their eigenvectors as rows of U
 //! and V, Adam's moments are those of U G Vᵀ, and its step S moves the matrix by Uᵀ S V: directions that the
@@ -12,21 +12,22 @@ use std::ops::Range;
 
 /// What a step leaves of a covariance.
 const MEMORY: f32 = 0.95;
-/// Eigenvectors follow their covariance every this many steps, by one round of orthogonal iteration.
+/// Eigenvectors are updated from their covariance every this many steps, by one round of orthogonal
+/// iteration.
 const EVERY: u32 = 10;
 /// Rounds at the first step, from the axes.
 const FIRST_ROUNDS: usize = 10;
 /// Share of the mean eigenvalue that is added to all, so that no direction vanishes.
 const FLOOR: f32 = 1e-5;
 
-/// The bases of all matrices of a decoder.
+/// The bases of all matrices of a decoder network.
 #[derive(Clone, Debug)]
 pub struct Bases {
     matrices: Vec<Sides>,
     steps: u32,
 }
 
-/// A matrix, by its place among the decoder's weights, and its bases.
+/// A matrix, by its place among the network's weights, and its bases.
 #[derive(Clone, Debug)]
 struct Sides {
     at: Range<usize>,
@@ -57,35 +58,35 @@ impl Bases {
             Sides { at, rows: Basis::new(rows), columns: Basis::new(columns) }
         };
         let mut matrices = vec![matrix(hidden, inputs), matrix(hidden, hidden), matrix(3, hidden)];
-        // A decoder may have no input.
+        // A network may have no input.
         matrices.retain(|sides| !sides.at.is_empty());
         Bases { matrices, steps: 0 }
     }
 
-    /// Turns a step's gradient into the bases, which follow it, and Adam's first moment with them. The
-    /// second, a square, has no meaning in other axes; the bases turn slowly, and it is forgotten within some
-    /// twenty steps (SOAP keeps it likewise).
-    pub fn turn(&mut self, tier: Tier, gradient: &mut [f32], mean: &mut [f32]) {
-        run(tier, Turn { bases: self, gradient, mean });
+    /// Updates the bases with a step's gradient, and rotates it and Adam's first moment into them. The
+    /// second, a square, has no meaning in other axes; the bases rotate slowly, and it is forgotten within
+    /// some twenty steps (SOAP keeps it likewise).
+    pub fn rotate(&mut self, tier: Tier, gradient: &mut [f32], mean: &mut [f32]) {
+        run(tier, Rotate { bases: self, gradient, mean });
     }
 
-    /// Turns a step out of the bases.
-    pub fn turn_back(&self, tier: Tier, step: &mut [f32]) {
-        run(tier, TurnBack { bases: self, step });
+    /// Rotates a step out of the bases.
+    pub fn rotate_back(&self, tier: Tier, step: &mut [f32]) {
+        run(tier, RotateBack { bases: self, step });
     }
 }
 
-struct Turn<'a> {
+struct Rotate<'a> {
     bases: &'a mut Bases,
     gradient: &'a mut [f32],
     mean: &'a mut [f32],
 }
 
-impl Kernel for Turn<'_> {
+impl Kernel for Rotate<'_> {
     type Output = ();
     #[inline(always)]
     fn run<V: Longest>(self) {
-        let Turn { bases, gradient, mean } = self;
+        let Rotate { bases, gradient, mean } = self;
         let rounds = match bases.steps {
             0 => FIRST_ROUNDS,
             steps => usize::from(steps.is_multiple_of(EVERY)),
@@ -93,29 +94,29 @@ impl Kernel for Turn<'_> {
         bases.steps += 1;
         for sides in &mut bases.matrices {
             let (gradient, mean) = (&mut gradient[sides.at.clone()], &mut mean[sides.at.clone()]);
-            sides.learn(gradient);
+            sides.accumulate(gradient);
             if rounds > 0 {
-                sides.turn_back(mean);
-                sides.rows.follow(rounds);
-                sides.columns.follow(rounds);
-                sides.turn(mean);
+                sides.rotate_back(mean);
+                sides.rows.update(rounds);
+                sides.columns.update(rounds);
+                sides.rotate(mean);
             }
-            sides.turn(gradient);
+            sides.rotate(gradient);
         }
     }
 }
 
-struct TurnBack<'a> {
+struct RotateBack<'a> {
     bases: &'a Bases,
     step: &'a mut [f32],
 }
 
-impl Kernel for TurnBack<'_> {
+impl Kernel for RotateBack<'_> {
     type Output = ();
     #[inline(always)]
     fn run<V: Longest>(self) {
         for sides in &self.bases.matrices {
-            sides.turn_back(&mut self.step[sides.at.clone()]);
+            sides.rotate_back(&mut self.step[sides.at.clone()]);
         }
     }
 }
@@ -123,23 +124,23 @@ impl Kernel for TurnBack<'_> {
 impl Sides {
     /// Adds a gradient to both covariances.
     #[inline(always)]
-    fn learn(&mut self, gradient: &[f32]) {
+    fn accumulate(&mut self, gradient: &[f32]) {
         let (rows, columns) = (self.rows.size, self.columns.size);
         let transposed = transposed(gradient, columns);
-        self.rows.learn(&product(gradient, &transposed, rows));
-        self.columns.learn(&product(&transposed, gradient, columns));
+        self.rows.accumulate(&product(gradient, &transposed, rows));
+        self.columns.accumulate(&product(&transposed, gradient, columns));
     }
 
     /// G becomes U G Vᵀ.
     #[inline(always)]
-    fn turn(&self, matrix: &mut [f32]) {
+    fn rotate(&self, matrix: &mut [f32]) {
         let half = product(&self.rows.vectors, matrix, self.columns.size);
         matrix.copy_from_slice(&product(&half, &self.columns.transposed, self.columns.size));
     }
 
     /// S becomes Uᵀ S V.
     #[inline(always)]
-    fn turn_back(&self, matrix: &mut [f32]) {
+    fn rotate_back(&self, matrix: &mut [f32]) {
         let half = product(&self.rows.transposed, matrix, self.columns.size);
         matrix.copy_from_slice(&product(&half, &self.columns.vectors, self.columns.size));
     }
@@ -153,7 +154,7 @@ impl Basis {
     }
 
     #[inline(always)]
-    fn learn(&mut self, square: &[f32]) {
+    fn accumulate(&mut self, square: &[f32]) {
         for (kept, new) in self.covariance.iter_mut().zip(square) {
             *kept = MEMORY * *kept + (1.0 - MEMORY) * new;
         }
@@ -162,7 +163,7 @@ impl Basis {
     /// Rounds of orthogonal iteration. Without a gradient so far, or with one that is not finite, the basis
     /// stays.
     #[inline(always)]
-    fn follow(&mut self, rounds: usize) {
+    fn update(&mut self, rounds: usize) {
         let size = self.size;
         let trace: f32 = self.covariance.iter().step_by(size + 1).sum();
         if !trace.is_normal() {
@@ -229,8 +230,8 @@ mod tests {
     use crate::model::Profile;
     use crate::time::Coding;
 
-    /// Turns gradients into the bases of M's decoder; the last as it was and turned, and the bases.
-    fn turned(steps: usize, mut gradient: impl FnMut(&mut Random) -> f32) -> (Bases, Vec<f32>, Vec<f32>) {
+    /// Rotates gradients into the bases of M's network; the last as it was and rotated, and the bases.
+    fn rotated(steps: usize, mut gradient: impl FnMut(&mut Random) -> f32) -> (Bases, Vec<f32>, Vec<f32>) {
         let shape = Shape::new(&Profile::M.contents(4, 1), 128, 128, 4, Coding::Standard);
         let (mut random, mut bases) = (Random::new(1), Bases::new(&shape));
         let mut mean = vec![0.0; shape.mlp_len()];
@@ -238,21 +239,21 @@ mod tests {
         for _ in 0..steps {
             plain = (0..shape.mlp_len()).map(|_| gradient(&mut random)).collect();
             there = plain.clone();
-            bases.turn(Tier::detect(), &mut there, &mut mean);
+            bases.rotate(Tier::detect(), &mut there, &mut mean);
         }
         (bases, plain, there)
     }
 
     #[test]
-    fn what_is_turned_is_turned_back() {
+    fn what_is_rotated_is_rotated_back() {
         let mut scale = 1.0;
         let uneven = |random: &mut Random| {
             scale = if scale < 1e-6 { 1.0 } else { scale * 0.97 };
             scale * random.uniform(-1.0, 1.0)
         };
-        let (bases, plain, mut there) = turned(35, uneven);
-        assert!(plain.iter().zip(&there).any(|(a, b)| (a - b).abs() > 0.1), "nothing was turned");
-        bases.turn_back(Tier::detect(), &mut there);
+        let (bases, plain, mut there) = rotated(35, uneven);
+        assert!(plain.iter().zip(&there).any(|(a, b)| (a - b).abs() > 0.1), "nothing was rotated");
+        bases.rotate_back(Tier::detect(), &mut there);
         for (i, (a, b)) in plain.iter().zip(&there).enumerate() {
             assert!((a - b).abs() < 2e-5, "weight {i}: {a} {b}");
         }
@@ -272,12 +273,12 @@ mod tests {
         let rank_one =
             |s: f32| -> Vec<f32> { left.iter().flat_map(|l| right.iter().map(move |r| s * l * r)).collect() };
         for _ in 0..50 {
-            sides.learn(&rank_one(random.uniform(-3.0, 3.0)));
-            sides.rows.follow(1);
-            sides.columns.follow(1);
+            sides.accumulate(&rank_one(random.uniform(-3.0, 3.0)));
+            sides.rows.update(1);
+            sides.columns.update(1);
         }
         let mut there = rank_one(2.0);
-        sides.turn(&mut there);
+        sides.rotate(&mut there);
         // All of it along the first pair of directions.
         assert!((there[0].abs() - 2.0).abs() < 1e-4, "{}", there[0]);
         assert!(there[1..].iter().all(|v| v.abs() < 1e-3));
@@ -293,7 +294,7 @@ mod tests {
     #[test]
     fn gradients_that_are_none_leave_the_axes() {
         for gradient in [0.0, 1e-30, f32::NAN] {
-            let (bases, ..) = turned(12, |_| gradient);
+            let (bases, ..) = rotated(12, |_| gradient);
             let axes = Bases::new(&Shape::new(&Profile::M.contents(4, 1), 128, 128, 4, Coding::Standard));
             for (now, before) in bases.matrices.iter().zip(&axes.matrices) {
                 assert_eq!(now.rows.vectors, before.rows.vectors);

@@ -18,7 +18,7 @@ pub fn centred(f: f32) -> f32 {
     CENTRE_SLOPE * (f - 0.5)
 }
 
-/// Where the parameters lie in their flat vector; features first, in [0, 1], then the decoder.
+/// Where the parameters lie in their flat vector; features first, in [0, 1], then the decoder network.
 #[derive(Clone, Debug)]
 pub struct Layout {
     /// e₀, e₁ of each block of F_uv, 8 values a block; texel by texel 64 values, and no weights.
@@ -34,7 +34,7 @@ pub struct Layout {
     /// F_vt likewise.
     pub vt: Range<usize>,
     /// W₁ b₁ W₂ b₂ W₃ b₃.
-    pub mlp: Range<usize>,
+    pub network: Range<usize>,
 }
 
 impl Layout {
@@ -54,14 +54,14 @@ impl Layout {
             uvt_weights: next(uvt * weights),
             ut: next(shape.rows * shape.ut * 2),
             vt: next(shape.rows * shape.vt * 2),
-            mlp: next(shape.mlp_len()),
+            network: next(shape.mlp_len()),
         }
     }
 
-    /// Parameters before training: features near the middle with a small spread, decoder weights of variance
+    /// Parameters before training: features near the middle with a small spread, network weights of variance
     /// 1/fan-in.
     pub fn initial(&self, shape: &Shape, random: &mut Random) -> Vec<f32> {
-        let mut p = vec![0.0; self.mlp.end];
+        let mut p = vec![0.0; self.network.end];
         let blocks = !self.uv_weights.is_empty() || !self.uvt_weights.is_empty();
         for endpoints in [&self.uv_endpoints, &self.uvt_endpoints] {
             if !blocks {
@@ -77,7 +77,7 @@ impl Layout {
             p[weights.clone()].fill_with(|| 0.5 + random.uniform(-0.1, 0.1));
         }
         p[self.ut.start..self.vt.end].fill_with(|| 0.5 + random.uniform(-0.15, 0.15));
-        let (mut at, hidden) = (self.mlp.start, shape.hidden);
+        let (mut at, hidden) = (self.network.start, shape.hidden);
         for (inputs, outputs, bias) in
             [(shape.inputs(), hidden, 0.0), (hidden, hidden, 0.0), (hidden, 3, 1.0)]
         {
@@ -117,7 +117,7 @@ pub fn two_mut(map: &mut [Quad], at: usize) -> &mut [f32] {
 
 /// A centred map of its endpoints and weights.
 #[inline(always)]
-pub fn fill<V: Longest>(endpoints: &[f32], weights: &[f32], across: usize, map: &mut [Quad]) {
+pub fn interpolate_blocks<V: Longest>(endpoints: &[f32], weights: &[f32], across: usize, map: &mut [Quad]) {
     if weights.is_empty() {
         // Texel by texel, or no map.
         let (texels, _) = endpoints.as_chunks::<64>();
@@ -146,7 +146,7 @@ pub fn fill<V: Longest>(endpoints: &[f32], weights: &[f32], across: usize, map: 
 /// From the gradient with respect to a centred map (zeroed on the way) to that of endpoints and weights,
 /// which is overwritten.
 #[inline(always)]
-pub fn contract<V: Longest>(
+pub fn backpropagate_blocks<V: Longest>(
     endpoints: &[f32],
     weights: &[f32],
     across: usize,

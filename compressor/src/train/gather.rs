@@ -25,7 +25,7 @@ pub struct Samples<'a> {
 #[derive(Clone, Copy, Debug)]
 pub enum Uv<'a> {
     /// Learned: endpoints and weights of its blocks.
-    Lines {
+    Blocks {
         /// e₀, e₁ of each block.
         endpoints: &'a [f32],
         /// 16 of each block.
@@ -40,7 +40,7 @@ impl Uv<'_> {
     #[inline(always)]
     fn texel<V: Longest>(&self, at: usize) -> V::Four {
         match self {
-            Uv::Lines { endpoints, weights } => {
+            Uv::Blocks { endpoints, weights } => {
                 let ends = V::Eight::load(&endpoints[at / 16 * 8..][..8]);
                 let texel = ends.mul(V::Eight::ends(weights[at])).folded();
                 texel.mul_add(V::Four::splat(CENTRE_SLOPE), V::Four::splat(-0.5 * CENTRE_SLOPE))
@@ -80,7 +80,7 @@ pub struct FeatureGradient<'a> {
 impl<'a> FeatureGradient<'a> {
     /// In the order of the parameters, but for F_uvt.
     pub fn new(flat: &'a mut [f32], layout: &Layout, uvt: &'a mut [Quad]) -> Self {
-        let (features, _) = flat.split_at_mut(layout.mlp.start);
+        let (features, _) = flat.split_at_mut(layout.network.start);
         let (features, vt) = features.split_at_mut(layout.vt.start);
         let (features, ut) = features.split_at_mut(layout.ut.start);
         let (uv, _) = features.split_at_mut(layout.uv_weights.end);
@@ -215,7 +215,7 @@ fn scatter_uv<V: Longest>(uv: &Uv, at: usize, d: V::Four, gradient: &mut [&mut [
     let g = d.mul(V::Four::splat(CENTRE_SLOPE));
     let [to, weights] = gradient;
     match uv {
-        Uv::Lines { endpoints, weights: w } => {
+        Uv::Blocks { endpoints, weights: w } => {
             let (e, to) = (&endpoints[at / 16 * 8..][..8], &mut to[at / 16 * 8..][..8]);
             let mut p = [0.0; 4];
             let line = V::Four::load(&e[..4]).mul_add(V::Four::splat(-1.0), V::Four::load(&e[4..]));

@@ -1,6 +1,6 @@
 //! The loops over samples and parameters, compiled once per instruction set.
 
-use super::features::{contract, fill};
+use super::features::{backpropagate_blocks, interpolate_blocks};
 use super::gather::{FeatureGradient, Features, Samples, gather, scatter};
 use super::network::{CHUNK, FEATURE_ROW, Network, NetworkGradient, Rows, Trace};
 use super::problem::{Problem, Texel};
@@ -50,10 +50,10 @@ fn run_avx512<K: Kernel>(kernel: K) -> K::Output {
 pub enum Scope {
     /// Everything.
     All,
-    /// F_ut, F_vt and the decoder.
+    /// F_ut, F_vt and the decoder network.
     Planes,
-    /// The decoder.
-    Decoder,
+    /// The decoder network.
+    Network,
 }
 
 /// Uniform noise of ±½/256 of a feature (centred), in rows of one sample's features, of those that the tile
@@ -94,7 +94,7 @@ pub struct Batch<'a, const H: usize> {
     pub problem: &'a Problem,
     /// Its features.
     pub features: Features<'a>,
-    /// Its decoder.
+    /// Its decoder network.
     pub network: &'a Network<H>,
     /// The samples.
     pub samples: &'a [Samples<'a>],
@@ -102,7 +102,7 @@ pub struct Batch<'a, const H: usize> {
     pub noise: Option<(&'a Noise, u64)>,
     /// The features' gradient is added here,
     pub of_features: FeatureGradient<'a>,
-    /// and the decoder's.
+    /// and the network's.
     pub of_network: &'a mut NetworkGradient<H>,
     /// What has a gradient.
     pub scope: Scope,
@@ -141,9 +141,9 @@ impl<const H: usize> Kernel for Batch<'_, H> {
             }
             y[samples.texels.len()..].fill([0.0; 4]);
             loss += f64::from(sum[0] + sum[1] + sum[2]);
-            let wanted = (self.scope != Scope::Decoder).then_some(&mut dx);
+            let wanted = (self.scope != Scope::Network).then_some(&mut dx);
             self.network.backward::<V>(&x, samples.point, &trace, &y, self.of_network, wanted);
-            if self.scope != Scope::Decoder {
+            if self.scope != Scope::Network {
                 let planes_alone = self.scope == Scope::Planes;
                 scatter::<V>(&self.features, self.problem, samples, &dx, &mut self.of_features, planes_alone);
             }
@@ -171,7 +171,7 @@ pub struct SquaredErrors<'a, const H: usize> {
     pub problem: &'a Problem,
     /// Its features.
     pub features: Features<'a>,
-    /// Its decoder.
+    /// Its decoder network.
     pub network: &'a Network<H>,
     /// This many of the problem's time points.
     pub points: usize,
@@ -217,7 +217,7 @@ pub struct BlockLosses<'a, const H: usize> {
     pub problem: &'a Problem,
     /// Its features.
     pub features: Features<'a>,
-    /// Its decoder.
+    /// Its decoder network.
     pub network: &'a Network<H>,
     /// The samples.
     pub samples: &'a [Samples<'a>],
@@ -258,13 +258,13 @@ pub struct Linearised {
     pub jacobian: [Rows<FEATURE_ROW>; 3],
 }
 
-/// Linearises the decoder on chunks of samples and hands each to a function.
+/// Linearises the decoder network on chunks of samples and hands each to a function.
 pub struct Linearise<'a, const H: usize, F> {
     /// The tile.
     pub problem: &'a Problem,
     /// Its features.
     pub features: Features<'a>,
-    /// Its decoder.
+    /// Its decoder network.
     pub network: &'a Network<H>,
     /// The time point and the texels.
     pub samples: &'a [Samples<'a>],
@@ -288,8 +288,8 @@ impl<const H: usize, F: FnMut(&Samples, &Linearised)> Kernel for Linearise<'_, H
     }
 }
 
-/// Makes a map of its endpoints and weights ([`fill`]).
-pub struct Fill<'a> {
+/// Makes a map of its endpoints and weights ([`interpolate_blocks`]).
+pub struct InterpolateBlocks<'a> {
     /// Endpoints of all blocks.
     pub endpoints: &'a [f32],
     /// Weights of all blocks.
@@ -300,16 +300,17 @@ pub struct Fill<'a> {
     pub map: &'a mut [Quad],
 }
 
-impl Kernel for Fill<'_> {
+impl Kernel for InterpolateBlocks<'_> {
     type Output = ();
     #[inline(always)]
     fn run<V: Longest>(self) {
-        fill::<V>(self.endpoints, self.weights, self.across, self.map);
+        interpolate_blocks::<V>(self.endpoints, self.weights, self.across, self.map);
     }
 }
 
-/// Brings the gradient from a map to its endpoints and weights, and zeroes the former ([`contract`]).
-pub struct Contract<'a> {
+/// Brings the gradient from a map to its endpoints and weights, and zeroes the former
+/// ([`backpropagate_blocks`]).
+pub struct BackpropagateBlocks<'a> {
     /// Endpoints of all blocks.
     pub endpoints: &'a [f32],
     /// Weights of all blocks.
@@ -322,12 +323,12 @@ pub struct Contract<'a> {
     pub gradient: &'a mut [f32],
 }
 
-impl Kernel for Contract<'_> {
+impl Kernel for BackpropagateBlocks<'_> {
     type Output = ();
     #[inline(always)]
     fn run<V: Longest>(self) {
         let (endpoints, weights) = self.gradient.split_at_mut(self.endpoints.len());
-        contract::<V>(self.endpoints, self.weights, self.across, self.map, endpoints, weights);
+        backpropagate_blocks::<V>(self.endpoints, self.weights, self.across, self.map, endpoints, weights);
     }
 }
 

@@ -42,9 +42,9 @@ pub struct Recipe {
     pub passes: usize,
     /// The paper's literal recipe: its coding ([`Coding::Paper`]), constant rate 1e-3, plain Adam with β₂
     /// 0.999, unweighted L2, no time points between frames; then 8 bits, a plain BC7 encoder, and fine-tuning
-    /// of the decoder alone. Initial values, the floors of the means, the gutter's weight (½ for one texel in
-    /// five) and what happens on divergence, on which the paper is silent, are those of the main recipe; the
-    /// activation is the format's ([`crate::model::gelu`]).
+    /// of the decoder network alone. Initial values, the floors of the means, the gutter's weight (½ for one
+    /// texel in five) and what happens on divergence, on which the paper is silent, are those of the main
+    /// recipe; the activation is the format's ([`crate::model::gelu`]).
     pub paper: bool,
     /// Seed of this tile's randomness.
     pub seed: u64,
@@ -94,7 +94,7 @@ pub struct TrainedTile {
     pub psnr_unquantised_db: Option<f64>,
     /// The same with all features rounded to 8 bits, nothing trained after it.
     pub psnr_8bit_features_db: Option<f64>,
-    /// PSNR of what is stored, blocks, planes and decoder rounded, as the trainer computes it.
+    /// PSNR of what is stored, blocks, planes and network rounded, as the trainer computes it.
     pub psnr_db: Option<f64>,
     /// Its squared error, as [`TrialFit::error`] counts it.
     pub error: Option<f64>,

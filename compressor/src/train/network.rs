@@ -45,7 +45,7 @@ impl<const N: usize> std::ops::DerefMut for Rows<N> {
     }
 }
 
-/// The decoder's weights. Both orientations of a matrix are kept.
+/// The network's weights. Both orientations of a matrix are kept.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub struct Network<const H: usize> {
@@ -63,7 +63,7 @@ pub struct Network<const H: usize> {
     b3: [f32; 4],
 }
 
-/// Gradients of the decoder's weights.
+/// Gradients of the network's weights.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub struct NetworkGradient<const H: usize> {

@@ -3,7 +3,9 @@
 use super::bases::Bases;
 use super::features::Layout;
 use super::gather::{FeatureGradient, Features, Samples, Uv};
-use super::kernel::{Adam, Batch, Contract, Fill, Noise, Scope, SquaredErrors, WEIGHT_CAP, run};
+use super::kernel::{
+    Adam, BackpropagateBlocks, Batch, InterpolateBlocks, Noise, Scope, SquaredErrors, WEIGHT_CAP, run,
+};
 use super::network::{CHUNK, Network, NetworkGradient};
 use super::problem::{GUTTER_SHARE, Problem, Texel};
 use super::random::Random;
@@ -26,8 +28,8 @@ pub struct Step {
     pub scope: Scope,
     /// Learning rate of the features.
     pub rate: f32,
-    /// Learning rate of the decoder.
-    pub mlp_rate: f32,
+    /// Learning rate of the decoder network.
+    pub network_rate: f32,
     /// Noise of 8-bit quantisation on sampled features.
     pub noise: bool,
     /// Adam's β₂.
@@ -63,14 +65,14 @@ pub struct Trainer<const H: usize> {
     /// F_uv and F_uvt as texels: made of the parameters, until they are frozen (of F_uv not by every step:
     /// [`Trainer::freeze`]).
     pub maps: Maps,
-    /// Their decoder.
+    /// Their decoder network.
     pub network: Network<H>,
     frozen: bool,
     /// With respect to the texels of F_uvt.
     of_uvt: Vec<Quad>,
     of_network: NetworkGradient<H>,
     flat: Vec<f32>,
-    /// Adam's moments; of the decoder's matrices in their bases.
+    /// Adam's moments; of the network's matrices in their bases.
     mean: Vec<f32>,
     square: Vec<f32>,
     bases: Option<Bases>,
@@ -86,7 +88,7 @@ impl<const H: usize> Trainer<H> {
         self.tier
     }
 
-    /// Before the first step. `bases`: Adam sees the decoder's matrices in the eigenbases of their gradients,
+    /// Before the first step. `bases`: Adam sees the network's matrices in the eigenbases of their gradients,
     /// else as they are.
     pub fn new(problem: Problem, seed: u64, bases: bool, tier: Tier) -> Self {
         let mut random = Random::new(seed);
@@ -96,7 +98,7 @@ impl<const H: usize> Trainer<H> {
         let map = |blocks: usize| vec![[0.0; 4]; 16 * blocks];
         let mut trainer = Trainer {
             tier,
-            network: Network::new(&params[layout.mlp.clone()], &problem),
+            network: Network::new(&params[layout.network.clone()], &problem),
             of_uvt: map(uvt),
             of_network: NetworkGradient::new(problem.points.len()),
             flat: vec![0.0; params.len()],
@@ -117,29 +119,29 @@ impl<const H: usize> Trainer<H> {
         trainer
     }
 
-    /// Makes maps, where samples read them, and decoder follow the parameters.
+    /// Makes maps, where samples read them, and the network follow the parameters.
     pub fn refresh(&mut self) {
         if !self.frozen {
             if self.problem.coded == Coded::TexelByTexel {
-                self.fill_uv();
+                self.interpolate_uv();
             }
             let [endpoints, weights] = [&self.layout.uvt_endpoints, &self.layout.uvt_weights]
                 .map(|range| &self.params[range.clone()]);
             let across = self.problem.shape.uvt[0];
-            run(self.tier, Fill { endpoints, weights, across, map: &mut self.maps.uvt });
+            run(self.tier, InterpolateBlocks { endpoints, weights, across, map: &mut self.maps.uvt });
         }
-        self.network = Network::new(&self.params[self.layout.mlp.clone()], &self.problem);
+        self.network = Network::new(&self.params[self.layout.network.clone()], &self.problem);
     }
 
-    fn fill_uv(&mut self) {
+    fn interpolate_uv(&mut self) {
         let [endpoints, weights] =
             [&self.layout.uv_endpoints, &self.layout.uv_weights].map(|range| &self.params[range.clone()]);
-        run(self.tier, Fill { endpoints, weights, across: 4, map: &mut self.maps.uv });
+        run(self.tier, InterpolateBlocks { endpoints, weights, across: 4, map: &mut self.maps.uv });
     }
 
     /// From now on F_uv and F_uvt are what the maps hold, whatever the parameters: at first the same.
     pub fn freeze(&mut self) {
-        self.fill_uv();
+        self.interpolate_uv();
         self.frozen = true;
     }
 
@@ -176,16 +178,16 @@ impl<const H: usize> Trainer<H> {
         );
         if scope == Scope::All {
             let [endpoints, weights] = [&self.layout.uvt_endpoints, &self.layout.uvt_weights];
-            let contract = Contract {
+            let backpropagate = BackpropagateBlocks {
                 endpoints: &self.params[endpoints.clone()],
                 weights: &self.params[weights.clone()],
                 across: self.problem.shape.uvt[0],
                 map: &mut self.of_uvt,
                 gradient: &mut self.flat[endpoints.start..weights.end],
             };
-            run(self.tier, contract);
+            run(self.tier, backpropagate);
         }
-        self.of_network.flatten(&self.problem, &mut self.flat[self.layout.mlp.clone()]);
+        self.of_network.flatten(&self.problem, &mut self.flat[self.layout.network.clone()]);
         loss / (samples.len() * CHUNK) as f64
     }
 
@@ -203,16 +205,16 @@ impl<const H: usize> Trainer<H> {
         let loss = self.differentiate(&batch, step.noise, step.scope);
         self.epochs = epochs;
         self.steps += 1;
-        let (mlp, ut) = (self.layout.mlp.clone(), self.layout.ut.start);
+        let (network, ut) = (self.layout.network.clone(), self.layout.ut.start);
         let features = match step.scope {
-            Scope::All => 0..mlp.start,
-            Scope::Planes => ut..mlp.start,
-            Scope::Decoder => mlp.start..mlp.start,
+            Scope::All => 0..network.start,
+            Scope::Planes => ut..network.start,
+            Scope::Network => network.start..network.start,
         };
         let beta = [BETA1, step.beta2];
         let corrections = beta.map(|b| 1.0 - f64::from(b).powi(self.steps));
         if let Some(bases) = &mut self.bases {
-            bases.turn(self.tier, &mut self.flat[mlp.clone()], &mut self.mean[mlp.clone()]);
+            bases.rotate(self.tier, &mut self.flat[network.clone()], &mut self.mean[network.clone()]);
         }
         let mut adam = |range: Range<usize>, rate: f32, bounds: [f32; 2], params: &mut [f32]| {
             let adam = Adam {
@@ -227,15 +229,15 @@ impl<const H: usize> Trainer<H> {
             run(self.tier, adam);
         };
         adam(features.clone(), step.rate, [0.0, 1.0], &mut self.params[features]);
-        let mut moved = vec![0.0; mlp.len()];
-        adam(mlp.clone(), step.mlp_rate, [f32::NEG_INFINITY, f32::INFINITY], &mut moved);
+        let mut moved = vec![0.0; network.len()];
+        adam(network.clone(), step.network_rate, [f32::NEG_INFINITY, f32::INFINITY], &mut moved);
         if let Some(bases) = &self.bases {
-            bases.turn_back(self.tier, &mut moved);
+            bases.rotate_back(self.tier, &mut moved);
         }
-        self.params[mlp].iter_mut().zip(&moved).for_each(|(p, m)| *p += m);
+        self.params[network].iter_mut().zip(&moved).for_each(|(p, m)| *p += m);
         match step.scope {
-            Scope::Decoder => {
-                self.network = Network::new(&self.params[self.layout.mlp.clone()], &self.problem);
+            Scope::Network => {
+                self.network = Network::new(&self.params[self.layout.network.clone()], &self.problem);
             }
             _ => self.refresh(),
         }
@@ -314,7 +316,7 @@ fn features<'a>(layout: &Layout, params: &'a [f32], maps: &'a Maps, frozen: bool
     let lines = !frozen && !layout.uv_weights.is_empty();
     Features {
         uv: match lines {
-            true => Uv::Lines { endpoints: part(&layout.uv_endpoints), weights: part(&layout.uv_weights) },
+            true => Uv::Blocks { endpoints: part(&layout.uv_endpoints), weights: part(&layout.uv_weights) },
             false => Uv::Texels(&maps.uv),
         },
         uvt: &maps.uvt,

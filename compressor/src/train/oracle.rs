@@ -57,7 +57,7 @@ impl<'a> Oracle<'a> {
             uvt: map(&layout.uvt_endpoints, &layout.uvt_weights, shape.uvt[0], shape.uvt[1]),
             ut: p[layout.ut.clone()].to_vec(),
             vt: p[layout.vt.clone()].to_vec(),
-            mlp: p[layout.mlp.clone()].to_vec(),
+            mlp: p[layout.network.clone()].to_vec(),
         }
     }
 

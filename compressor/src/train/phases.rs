@@ -10,9 +10,9 @@ use crate::clock::Clock;
 use crate::lanes::Tier;
 use crate::{Error, Result};
 
-/// Largest learning rate of the main phase, and of the decoder in it. These and the next three were found by
-/// trying, on tiles of baked light, for the dB after some thousand steps; a rate that is large and falls
-/// matters most.
+/// Largest learning rate of the main phase, and of the decoder network in it. These and the next three were
+/// found by trying, on tiles of baked light, for the dB after some thousand steps; a rate that is large and
+/// falls matters most.
 const RATES: [f32; 2] = [0.02, 0.03];
 /// Steps over which the rate rises.
 const WARM_UP: usize = 100;
@@ -20,9 +20,9 @@ const WARM_UP: usize = 100;
 const LAST_RATE: f32 = 0.02;
 /// Adam's β₂: steps are few and their gradients sure, so a short memory wins.
 const BETA2: f32 = 0.95;
-/// After blocks are chosen: steps of planes and decoder, their largest rate, and steps over which it rises.
+/// After blocks are chosen: steps of planes and network, their largest rate, and steps over which it rises.
 const REFIT: (usize, f32, usize) = (150, 0.003, 30);
-/// After planes are rounded: the same of the decoder alone, which stands near its place by then.
+/// After planes are rounded: the same of the network alone, which stands near its place by then.
 const LAST_REFIT: (usize, f32, usize) = (100, 0.001, 30);
 /// When in the main phase the loss weights are aligned with the error so far.
 const ALIGNMENTS: [f64; 3] = [0.25, 0.5, 0.75];
@@ -30,7 +30,7 @@ const ALIGNMENTS: [f64; 3] = [0.25, 0.5, 0.75];
 const PAPER_RATE: f32 = 1e-3;
 /// Adam's β₂ in the paper's recipe: the usual one.
 const PAPER_BETA2: f32 = 0.999;
-/// Steps of the decoder alone in the paper's recipe, which does not say how many.
+/// Steps of the network alone in the paper's recipe, which does not say how many.
 const PAPER_FINE_TUNING: usize = 300;
 /// A main phase that ends this far below its best point (in dB) has diverged, even if all its numbers are
 /// finite. Points above [`GOOD_DB`] count as [`GOOD_DB`], because a tile with a bright peak may have any PSNR
@@ -128,15 +128,15 @@ impl<const H: usize> Attempt<H> {
         errors.iter().zip(peaks).map(|(mse, peak)| mse / peak).sum::<f64>() * problem.valid as f64
     }
 
-    /// Rounds the decoder and measures what is stored; `None` if that, or the float model, is not finite.
-    /// That model's PSNR is given, as it was and with features of 8 bits, and the main phase's steps.
+    /// Rounds the decoder network and measures what is stored; `None` if that, or the float model, is not
+    /// finite. That model's PSNR is given, as it was and with features of 8 bits, and the main phase's steps.
     fn stored(
         mut self,
         blocks: &Blocks,
         [unquantised, of_8bit]: [f64; 2],
         steps: usize,
     ) -> Option<TrainedTile> {
-        self.trainer.round_decoder();
+        self.trainer.round_network();
         self.point();
         let psnr = self.trainer.psnr(1);
         if !psnr.is_finite() || !unquantised.is_finite() {
@@ -156,7 +156,7 @@ impl<const H: usize> Attempt<H> {
         })
     }
 
-    /// This project's recipe up to the decoder's rounding: the blocks, and the PSNR of the float model, as it
+    /// This project's recipe up to the network's rounding: the blocks, and the PSNR of the float model, as it
     /// is and with features of 8 bits.
     fn standard(&mut self, recipe: &Recipe) -> Result<(Blocks, [f64; 2]), Stop> {
         // 1. In float, with noise for the quantisation to come.
@@ -164,7 +164,7 @@ impl<const H: usize> Attempt<H> {
         let rates = |i| RATES.map(|rate| rate * schedule(i, iterations, WARM_UP, LAST_RATE));
         let psnr = self.main_phase(iterations, &ALIGNMENTS, rates)?;
         let psnr = [psnr, self.trainer.psnr_8bit()];
-        // 2. Blocks under the loss's own metric; what is still free follows; again around the new decoder.
+        // 2. Blocks under the loss's own metric; what is still free follows; again around the new network.
         let mut blocks = self.trainer.freeze_blocks();
         self.point();
         for pass in 0..recipe.passes {
@@ -174,14 +174,14 @@ impl<const H: usize> Attempt<H> {
             self.refit(Scope::Planes, REFIT)?;
             self.point();
         }
-        // 3. Planes to 8 bits, then the decoder alone, then F_uv once more.
+        // 3. Planes to 8 bits, then the network alone, then F_uv once more.
         self.trainer.round_planes();
-        self.refit(Scope::Decoder, LAST_REFIT)?;
+        self.refit(Scope::Network, LAST_REFIT)?;
         self.trainer.refine_uv(&mut blocks);
         Ok((blocks, psnr))
     }
 
-    /// The main phase as ever, then what the paper does: all maps to 8 bits, a plain BC7 encoder, the decoder
+    /// The main phase as ever, then what the paper does: all maps to 8 bits, a plain BC7 encoder, the network
     /// around them (at a rate that falls, which is to its advantage).
     fn plain(&mut self, iterations: usize) -> Result<(Blocks, [f64; 2]), Stop> {
         let rates = |i| RATES.map(|rate| rate * schedule(i, iterations, WARM_UP, LAST_RATE));
@@ -190,7 +190,7 @@ impl<const H: usize> Attempt<H> {
         self.trainer.round_planes();
         let blocks = self.trainer.encode_blocks();
         self.point();
-        self.refit(Scope::Decoder, (PAPER_FINE_TUNING, REFIT.1, REFIT.2))?;
+        self.refit(Scope::Network, (PAPER_FINE_TUNING, REFIT.1, REFIT.2))?;
         Ok((blocks, psnr))
     }
 
@@ -203,12 +203,12 @@ impl<const H: usize> Attempt<H> {
         self.trainer.round_planes();
         let blocks = self.trainer.encode_blocks();
         self.point();
-        // 3. The decoder around the frozen maps.
-        self.steps(Scope::Decoder, PAPER_FINE_TUNING, |_| PAPER_RATE)?;
+        // 3. The network around the frozen maps.
+        self.steps(Scope::Network, PAPER_FINE_TUNING, |_| PAPER_RATE)?;
         Ok((blocks, psnr))
     }
 
-    /// Trains everything in float, with noise; `rates` gives those of features and decoder at a step. The
+    /// Trains everything in float, with noise; `rates` gives those of features and network at a step. The
     /// result's PSNR.
     fn main_phase(
         &mut self,
@@ -248,8 +248,8 @@ impl<const H: usize> Attempt<H> {
     }
 
     fn step(&mut self, scope: Scope, rates: [f32; 2], noise: bool) -> Result<(), Stop> {
-        let [rate, mlp_rate] = rates.map(|rate| rate * self.rate_scale);
-        let loss = self.trainer.step(&Step { scope, rate, mlp_rate, noise, beta2: self.beta2 })?;
+        let [rate, network_rate] = rates.map(|rate| rate * self.rate_scale);
+        let loss = self.trainer.step(&Step { scope, rate, network_rate, noise, beta2: self.beta2 })?;
         self.iteration += 1;
         if loss.is_finite() { Ok(()) } else { Err(Stop::Diverged) }
     }
@@ -290,15 +290,15 @@ mod tests {
         let stored = |poison: Option<usize>| {
             let mut attempt = Attempt::<16>::new(&problem, &recipe, 1.0, Tier::detect());
             let Ok((blocks, psnr)) = attempt.standard(&recipe) else { panic!("training stopped") };
-            let mlp = attempt.trainer.layout.mlp.clone();
+            let network = attempt.trainer.layout.network.clone();
             if let Some(channel) = poison {
                 // b₃ stands last.
-                attempt.trainer.params[mlp.end - 3 + channel] = f32::NAN;
+                attempt.trainer.params[network.end - 3 + channel] = f32::NAN;
                 attempt.trainer.refresh();
                 assert!(!attempt.trainer.psnr(1).is_finite());
                 let texels = attempt.trainer.problem.texels[..3].to_vec();
                 let samples = [Samples { point: 0, texels: &texels }];
-                assert!(!attempt.trainer.differentiate(&samples, false, Scope::Decoder).is_finite());
+                assert!(!attempt.trainer.differentiate(&samples, false, Scope::Network).is_finite());
             }
             attempt.stored(&blocks, psnr, recipe.iterations)
         };

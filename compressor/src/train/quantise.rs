@@ -1,4 +1,4 @@
-//! From the trained float model to the stored tile: BC7 blocks, 8-bit planes, f16 decoder.
+//! From the trained float model to the stored tile: BC7 blocks, 8-bit planes, f16 network.
 //!
 //! Blocks are chosen by the loss itself, or (the paper's recipe) by a plain encoder that looks at the
 //! features alone. Around the present model the loss is a quadratic form of the features: with J = ∂y/∂f of a
@@ -89,7 +89,7 @@ impl<const H: usize> Trainer<H> {
         Blocks { uv: plain(4, &mut self.maps.uv, uv), uvt: plain(across, &mut self.maps.uvt, uvt) }
     }
 
-    /// Improves frozen blocks around the present planes and decoder.
+    /// Improves frozen blocks around the present planes and network.
     pub fn refine_blocks(&mut self, blocks: &mut Blocks) {
         self.refine_uvt(&mut blocks.uvt);
         self.refine_uv(blocks);
@@ -123,9 +123,9 @@ impl<const H: usize> Trainer<H> {
         psnr
     }
 
-    /// Rounds the decoder to 16 bits.
-    pub fn round_decoder(&mut self) {
-        for v in &mut self.params[self.layout.mlp.clone()] {
+    /// Rounds the decoder network to 16 bits.
+    pub fn round_network(&mut self) {
+        for v in &mut self.params[self.layout.network.clone()] {
             *v = half::f16::from_f32(v.clamp(-65504.0, 65504.0)).to_f32();
         }
         self.refresh();
@@ -148,7 +148,10 @@ impl<const H: usize> Trainer<H> {
             f_uvt: stored(&blocks.uvt, &uvt),
             f_ut: plane(&self.layout.ut),
             f_vt: plane(&self.layout.vt),
-            mlp: self.params[self.layout.mlp.clone()].iter().map(|v| ndgi::half::F16::from_f32(*v)).collect(),
+            mlp: self.params[self.layout.network.clone()]
+                .iter()
+                .map(|v| ndgi::half::F16::from_f32(*v))
+                .collect(),
             knots: self.problem.knots.clone(),
             axis: self.problem.axis.clone(),
             gates: self.problem.gates.clone(),

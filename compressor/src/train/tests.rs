@@ -111,7 +111,7 @@ fn gradients_match<const H: usize>(profile: &Profile, coding: Coding, change: fn
     let mut trainer = trainer_of::<H>(&source, &contents, coding, Tier::detect());
     for _ in 0..30 {
         trainer
-            .step(&Step { scope: Scope::All, rate: 0.02, mlp_rate: 0.02, noise: true, beta2: 0.95 })
+            .step(&Step { scope: Scope::All, rate: 0.02, network_rate: 0.02, noise: true, beta2: 0.95 })
             .unwrap();
     }
     trainer.align_weights(Aim::MeanPsnr);
@@ -140,7 +140,8 @@ fn gradients_match<const H: usize>(profile: &Profile, coding: Coding, change: fn
     let params: Vec<f64> = trainer.params.iter().map(|p| f64::from(*p)).collect();
     let l = &trainer.layout;
     let scale = (samples.len() * CHUNK) as f64 * 2.0 / 64.0;
-    for range in [&l.uv_endpoints, &l.uv_weights, &l.uvt_endpoints, &l.uvt_weights, &l.ut, &l.vt, &l.mlp] {
+    for range in [&l.uv_endpoints, &l.uv_weights, &l.uvt_endpoints, &l.uvt_weights, &l.ut, &l.vt, &l.network]
+    {
         let ours: Vec<f64> =
             trainer.gradient()[range.clone()].iter().map(|g| scale * f64::from(*g)).collect();
         if ours.is_empty() {
@@ -449,7 +450,7 @@ fn bad_light_is_refused_by_place() {
 #[test]
 fn training_that_diverges_is_noticed() {
     let mut trainer = trainer::<16>(&moving_shadow(16, 16, 3), &M, Coding::Standard, Tier::detect());
-    let step = Step { scope: Scope::All, rate: 0.02, mlp_rate: 1e30, noise: true, beta2: 0.95 };
+    let step = Step { scope: Scope::All, rate: 0.02, network_rate: 1e30, noise: true, beta2: 0.95 };
     let losses: Vec<f64> = (0..20).map(|_| trainer.step(&step).unwrap()).collect();
     assert!(losses.iter().any(|l| !l.is_finite()));
 }

@@ -63,7 +63,7 @@ pub struct Nearby {
 /// A neighbour.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Neighbour {
-    /// Its place among the covered texels.
+    /// Its index among the covered texels.
     pub texel: u32,
     /// Squared distance in texels, by position and normal.
     pub squared: f32,
@@ -72,7 +72,7 @@ pub struct Neighbour {
 }
 
 impl TexelsInSpace {
-    /// Finds the places of the texels of some blocks, of which some are `valid`.
+    /// Finds where the texels of some blocks lie in space; some of them are `valid`.
     pub fn find(
         worker: &Worker,
         blocks: &[(usize, Range<u32>)],

@@ -47,7 +47,7 @@ fn in_blocks(values: &[Value], walled: bool, blocks: &[Range<u32>]) -> Vec<Value
         block.filter(&[values], &mut loaded_index).remove(0)
     };
     let stored: Vec<Filtered> = blocks.iter().flat_map(of_block).collect();
-    assert!(loaded_index.iter().all(|&place| place == NOT_LOADED));
+    assert!(loaded_index.iter().all(|&index| index == NOT_LOADED));
     stored.iter().zip(values).map(|(stored, traced)| stored.value(traced)).collect()
 }
 

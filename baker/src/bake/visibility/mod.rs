@@ -72,14 +72,14 @@ pub struct VisibilityBaker<'a> {
 }
 
 impl<'a> VisibilityBaker<'a> {
-    /// Prepares to find the visibility of the sun of `prepared` along `times`; `texels` are the covered ones
+    /// Prepares to find the visibility of the sun of `prepared` at `times`; `texels` are the covered ones
     /// of the page.
     ///
     /// # Errors
     /// [`Error::Io`].
     ///
     /// # Panics
-    /// Of more times than [`visibility::MOST_TIMES`].
+    /// For more times than [`visibility::MOST_TIMES`].
     pub fn new(
         prepared: &'a Prepared,
         worker: &'a Worker<'a>,

@@ -46,7 +46,7 @@ pub struct SunAtTimes {
 }
 
 impl SunAtTimes {
-    /// Those of these times.
+    /// The suns of `times`.
     pub fn new(times: &VisibilityTimes) -> Self {
         let of_disc = |disc: &SunDisc| (SunLight::new(*disc), mean_direction(disc).as_vec3());
         SunAtTimes { suns: times.suns.iter().map(of_disc).collect() }
@@ -66,7 +66,7 @@ pub struct Tile<'a> {
     pub times: &'a VisibilityTimes,
     /// The sun at each.
     pub suns: &'a SunAtTimes,
-    /// What stands in its way.
+    /// What may block it.
     pub space: &'a Space<'a>,
 }
 

@@ -195,15 +195,32 @@ fn pages_and_samples_agree_at_texel_centres_and_across_tiles() {
                     );
                 }
             }
-            for corner in [(0.0, 0.0), (1.0, 1.0), (-3.0, 2.0), (f64::NAN, 0.5)] {
+            for corner in [(0.0, 0.0), (1.0, 1.0), (-3.0, 2.0), (f64::INFINITY, 0.5)] {
                 assert!(
                     decoder.sample(page, corner.0, corner.1, hour).unwrap().iter().all(|e| e.is_finite())
                 );
             }
         }
     }
-    assert!(decoder.sample(2, 0.5, 0.5, 0.0).is_err());
-    assert!(decoder.decode_page(2, 0.0).is_err());
+    for missing in [decoder.sample(2, 0.5, 0.5, 0.0).err(), decoder.decode_page(2, 0.0).err()] {
+        assert_eq!(missing.unwrap().to_string(), "bundle, page 2: the bundle has 2 pages, counted from 0");
+    }
+}
+
+#[test]
+fn hours_and_coordinates_that_are_not_numbers_are_errors() {
+    let decoder = Decoder::new(bundle::Bundle::from_bytes(testing::bundle().2).unwrap());
+    for (u, v, hour, expected) in [
+        (0.5, 0.5, f64::NAN, "hour: NaN; expected a finite number"),
+        (0.5, 0.5, f64::NEG_INFINITY, "hour: -inf; expected a finite number"),
+        (f64::NAN, 0.5, 12.0, "u: NaN; expected a number"),
+        (0.5, f64::NAN, 12.0, "v: NaN; expected a number"),
+    ] {
+        assert_eq!(decoder.sample(0, u, v, hour).unwrap_err().to_string(), expected);
+    }
+    for hour in [-1.0, 25.0, 1e300] {
+        assert!(decoder.sample(0, 0.5, 0.5, hour).is_ok(), "{hour}");
+    }
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! The way through a hierarchy, by the kernel that fits the processor.
+//! Traversal of the hierarchy, by the kernel that fits the processor.
 //!
 //! Kernel file (holds `unsafe`): the choice of a kernel.
 

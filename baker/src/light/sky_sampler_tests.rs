@@ -1,4 +1,4 @@
-//! Tests of the sky guide: its density against its samples, portals that overlap, pictures with a sun.
+//! Tests of the sky sampler: its density against its samples, portals that overlap, pictures with a sun.
 
 use super::*;
 use crate::scene::{Baked, Lightmap, Sampling, Sky, SkyImage};
@@ -42,10 +42,10 @@ fn scene(sky: Option<Sky>, portals: Vec<Portal>) -> Scene {
     }
 }
 
-fn guide(sky: Option<Sky>, portals: Vec<Portal>) -> Option<SkyGuide> {
+fn sky_sampler(sky: Option<Sky>, portals: Vec<Portal>) -> Option<SkySampler> {
     let scene = scene(sky, portals);
     let table = SkyTable::new(scene.sky.as_ref(), scene.location.as_ref(), &[12.0]);
-    SkyGuide::new(&scene, &table, DVec3::new(100.0, 0.0, 0.0))
+    SkySampler::new(&scene, &table, DVec3::new(100.0, 0.0, 0.0))
 }
 
 /// A picture with a gradient and a sun of a few texels.
@@ -88,25 +88,27 @@ fn only_points_of_its_room_look_through_a_portal() {
     let portal = Portal { room: Some(room), ..window(0.5, -0.5, 1.0) };
     let (scene, origin) = (scene(constant(), vec![portal]), DVec3::X * 100.0);
     let sky = SkyTable::new(scene.sky.as_ref(), None, &[12.0]);
-    let guide = SkyGuide::new(&scene, &sky, origin).unwrap();
+    let sky_sampler = SkySampler::new(&scene, &sky, origin).unwrap();
     for (x, expected) in [(0.0, true), (-0.9, true), (-1.1, false), (1.2, false)] {
         let normal = if x < 0.5 { Vec3::X } else { -Vec3::X };
         let point = Vec3::new(x, 0.0, 0.0);
-        let found = guide.sample(point, normal, 0.5, Vec2::splat(0.5));
+        let found = sky_sampler.sample(point, normal, 0.5, Vec2::splat(0.5));
         assert_eq!(found.is_some(), expected, "{x}");
-        assert_eq!(guide.pdf(point, normal, normal) > 0.0, expected, "{x}");
+        assert_eq!(sky_sampler.pdf(point, normal, normal) > 0.0, expected, "{x}");
     }
 }
 
 #[test]
-fn there_is_no_guide_where_the_cosine_is_as_good() {
+fn there_is_no_sampler_where_the_cosine_is_as_good() {
     let dome = Some(Sky::HosekWilkie { turbidity: 3.0, ground_albedo: 0.2 });
-    assert!(guide(constant(), vec![]).is_none() && guide(dome.clone(), vec![]).is_none());
-    assert!(guide(None, vec![window(2.0, 0.5, 1.0)]).is_none());
-    assert!(guide(Some(Sky::Constant { radiance: DVec3::ZERO }), vec![window(2.0, 0.5, 1.0)]).is_none());
+    assert!(sky_sampler(constant(), vec![]).is_none() && sky_sampler(dome.clone(), vec![]).is_none());
+    assert!(sky_sampler(None, vec![window(2.0, 0.5, 1.0)]).is_none());
     assert!(
-        guide(dome, vec![window(2.0, 0.5, 1.0)]).is_some()
-            && guide(constant(), vec![window(2.0, 0.5, 1.0)]).is_some()
+        sky_sampler(Some(Sky::Constant { radiance: DVec3::ZERO }), vec![window(2.0, 0.5, 1.0)]).is_none()
+    );
+    assert!(
+        sky_sampler(dome, vec![window(2.0, 0.5, 1.0)]).is_some()
+            && sky_sampler(constant(), vec![window(2.0, 0.5, 1.0)]).is_some()
     );
     // A picture that is even, or black.
     let even = |value| {
@@ -119,17 +121,17 @@ fn there_is_no_guide_where_the_cosine_is_as_good() {
             radiance: Arc::new(image),
         })
     };
-    assert!(guide(Some(even(2.0)), vec![]).is_none() && guide(Some(even(0.0)), vec![]).is_none());
-    assert!(guide(Some(picture(64, 0.0, 100.0)), vec![]).is_some());
+    assert!(sky_sampler(Some(even(2.0)), vec![]).is_none() && sky_sampler(Some(even(0.0)), vec![]).is_none());
+    assert!(sky_sampler(Some(picture(64, 0.0, 100.0)), vec![]).is_some());
 }
 
-fn guides() -> Vec<SkyGuide> {
+fn sky_samplers() -> Vec<SkySampler> {
     let portals = || vec![window(2.0, 0.5, 1.0), window(-1.0, 0.2, 2.0), window(3.0, 0.6, 1.5)];
     vec![
-        guide(constant(), vec![window(2.0, 0.5, 1.0)]).unwrap(),
-        guide(constant(), portals()).unwrap(),
-        guide(Some(picture(32, 30.0, 50.0)), vec![]).unwrap(),
-        guide(Some(picture(32, -100.0, 50.0)), portals()).unwrap(),
+        sky_sampler(constant(), vec![window(2.0, 0.5, 1.0)]).unwrap(),
+        sky_sampler(constant(), portals()).unwrap(),
+        sky_sampler(Some(picture(32, 30.0, 50.0)), vec![]).unwrap(),
+        sky_sampler(Some(picture(32, -100.0, 50.0)), portals()).unwrap(),
     ]
 }
 
@@ -137,7 +139,7 @@ fn guides() -> Vec<SkyGuide> {
 /// 9·10⁻⁵).
 #[test]
 fn densities_integrate_to_one() {
-    for (k, guide) in guides().iter().enumerate() {
+    for (k, sky_sampler) in sky_samplers().iter().enumerate() {
         for (p, n) in [(Vec3::ZERO, Vec3::Y), (Vec3::new(0.3, 0.4, 0.2), Vec3::new(0.8, 0.6, 0.0))] {
             let mut state = 5 + k as u64;
             let means: Vec<f64> = (0..32)
@@ -147,7 +149,7 @@ fn densities_integrate_to_one() {
                         let y = 2.0 * random(&mut state) - 1.0;
                         let (sin, cos) = (2.0 * std::f32::consts::PI * random(&mut state)).sin_cos();
                         let r = (1.0 - y * y).sqrt();
-                        sum += f64::from(guide.pdf(p, n, Vec3::new(r * cos, y, r * sin)));
+                        sum += f64::from(sky_sampler.pdf(p, n, Vec3::new(r * cos, y, r * sin)));
                     }
                     sum / 8000.0 * 4.0 * PI
                 })
@@ -164,10 +166,10 @@ fn densities_integrate_to_one() {
 /// within a cap is the solid angle of the part of the cap that has a density, counted on a grid.
 #[test]
 fn samples_follow_the_density() {
-    for (k, guide) in guides().iter().enumerate() {
+    for (k, sky_sampler) in sky_samplers().iter().enumerate() {
         let (p, n) = (Vec3::new(0.1, 0.3, 0.1), Vec3::new(0.6, 0.8, 0.0));
         // Around the edges of the windows, or of the picture's sun.
-        let axis = match &guide.picture {
+        let axis = match &sky_sampler.picture {
             Some(picture) => picture.frame.direction_of(DVec2::new(8.5 / 32.0, 5.5 / 16.0)).as_vec3(),
             None => Vec3::new(0.9, 0.35, 0.1).normalize(),
         };
@@ -181,7 +183,7 @@ fn samples_follow_the_density() {
             let (sin, cos) = (2.0 * std::f32::consts::PI * ((i % side) as f32 + 0.5) / side as f32).sin_cos();
             let s = (1.0 - c * c).sqrt();
             let d = axis * c + (x * cos + y * sin) * s;
-            covered += if guide.pdf(p, n, d) > 0.0 { 1.0 } else { 0.0 };
+            covered += if sky_sampler.pdf(p, n, d) > 0.0 { 1.0 } else { 0.0 };
         }
         let covered = covered / f64::from(side * side) * 2.0 * PI * 0.03;
         let means: Vec<f64> = (0..16)
@@ -192,9 +194,9 @@ fn samples_follow_the_density() {
                 for _ in 0..20_000 {
                     let choice = random(&mut state);
                     let u = Vec2::new(random(&mut state), random(&mut state));
-                    let Some((d, pdf)) = guide.sample(p, n, choice, u) else { continue };
+                    let Some((d, pdf)) = sky_sampler.sample(p, n, choice, u) else { continue };
                     assert!((d.length() - 1.0).abs() < 1e-5);
-                    assert_eq!(pdf, guide.pdf(p, n, d));
+                    assert_eq!(pdf, sky_sampler.pdf(p, n, d));
                     sum += if inside(d) { 1.0 / f64::from(pdf) } else { 0.0 };
                 }
                 sum / 20_000.0
@@ -215,7 +217,7 @@ fn samples_follow_the_density() {
 #[test]
 fn overlapping_portals_add_up() {
     let (near, far) = (window(2.0, -0.5, 1.0), window(4.0, -1.0, 2.0));
-    let both = guide(constant(), vec![near, far]).unwrap();
+    let both = sky_sampler(constant(), vec![near, far]).unwrap();
     let (p, n) = (Vec3::ZERO, Vec3::X);
     let [a, b] = [0, 1].map(|i| both.portals[i].seen_from(DVec3::ZERO).unwrap().solid_angle());
     // The same cone.
@@ -223,7 +225,7 @@ fn overlapping_portals_add_up() {
     assert!((both.pdf(p, n, Vec3::X) * a as f32 - 1.0).abs() < 1e-5);
     assert_eq!(both.pdf(p, n, Vec3::new(0.8, 0.6, 0.0)), 0.0);
     // A narrow one in front of a wide one, and seen from the other side.
-    let both = guide(constant(), vec![window(2.0, -0.5, 1.0), window(4.0, -3.0, 6.0)]).unwrap();
+    let both = sky_sampler(constant(), vec![window(2.0, -0.5, 1.0), window(4.0, -3.0, 6.0)]).unwrap();
     for (p, n, along) in [(Vec3::ZERO, Vec3::X, 1.0), (Vec3::new(9.0, 0.0, 0.0), Vec3::NEG_X, -1.0)] {
         let shares = [0, 1].map(|i| both.portals[i].importance(p.as_dvec3(), n.as_dvec3()));
         let angles = [0, 1].map(|i| both.portals[i].seen_from(p.as_dvec3()).unwrap().solid_angle());
@@ -238,7 +240,7 @@ fn overlapping_portals_add_up() {
 /// In a portal's plane, on it, behind the surface, touching: nothing or finite.
 #[test]
 fn awkward_places_give_no_nan() {
-    let guide = guide(constant(), vec![window(2.0, 0.0, 1.0), window(2.0, 0.0, 1e-4)]).unwrap();
+    let sky_sampler = sky_sampler(constant(), vec![window(2.0, 0.0, 1.0), window(2.0, 0.0, 1e-4)]).unwrap();
     let mut found = 0;
     for p in [
         Vec3::new(2.0, 0.5, 0.0),
@@ -250,17 +252,17 @@ fn awkward_places_give_no_nan() {
         for n in [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z] {
             for choice in [0.0, 0.5, 1.0 - f32::EPSILON / 2.0] {
                 for u in [Vec2::ZERO, Vec2::splat(0.5), Vec2::splat(1.0 - f32::EPSILON / 2.0)] {
-                    if let Some((d, pdf)) = guide.sample(p, n, choice, u) {
+                    if let Some((d, pdf)) = sky_sampler.sample(p, n, choice, u) {
                         assert!(d.is_finite() && pdf.is_finite() && pdf > 0.0);
                         found += 1;
                     }
                 }
             }
-            assert!(guide.pdf(p, n, Vec3::X).is_finite());
+            assert!(sky_sampler.pdf(p, n, Vec3::X).is_finite());
         }
     }
     assert!(found > 50, "{found}");
-    assert_eq!(guide.pdf(Vec3::new(2.0, 0.5, 0.0), Vec3::X, Vec3::X), 0.0);
+    assert_eq!(sky_sampler.pdf(Vec3::new(2.0, 0.5, 0.0), Vec3::X, Vec3::X), 0.0);
 }
 
 /// With the balance heuristic against the cosine, a picture's irradiance comes out, and with a hundredth of
@@ -269,7 +271,7 @@ fn awkward_places_give_no_nan() {
 fn a_bright_sun_in_the_picture_is_found() {
     let sky = picture(256, 30.0, 2e4);
     let table = SkyTable::new(Some(&sky), None, &[12.0]);
-    let guide = guide(Some(sky), vec![]).unwrap();
+    let sky_sampler = sky_sampler(Some(sky), vec![]).unwrap();
     let radiance = |d: Vec3| {
         let mut out = [Vec3::ZERO];
         table.add(d, Vec3::ONE, &mut out);
@@ -298,9 +300,9 @@ fn a_bright_sun_in_the_picture_is_found() {
             let d = super::super::cosine_hemisphere(DVec3::Y, u).as_vec3();
             let p_cos = f64::from(d.y) / PI;
             plain += PI * radiance(d);
-            sum += radiance(d) * f64::from(d.y) / (p_cos + f64::from(guide.pdf(p, n, d)));
+            sum += radiance(d) * f64::from(d.y) / (p_cos + f64::from(sky_sampler.pdf(p, n, d)));
             let u = Vec2::new(random(&mut state), random(&mut state));
-            let Some((d, pdf)) = guide.sample(p, n, random(&mut state), u) else { continue };
+            let Some((d, pdf)) = sky_sampler.sample(p, n, random(&mut state), u) else { continue };
             let cosine = f64::from(d.y.max(0.0));
             sum += radiance(d) * cosine / (cosine / PI + f64::from(pdf));
         }

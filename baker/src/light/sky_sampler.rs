@@ -1,8 +1,8 @@
 //! Where sky light is worth looking for beyond the cosine of the path: through portals, and at the bright
 //! parts of a picture.
 //!
-//! A guide only proposes directions; with the balance heuristic of its density and the cosine's, no light is
-//! lost or counted twice, whatever it proposes.
+//! A sampler only proposes directions; with the balance heuristic of its density and the cosine's, no light
+//! is lost or counted twice, whatever it proposes.
 
 use super::rectangle::Rectangle;
 use super::sky::SkyTable;
@@ -14,7 +14,7 @@ use std::f64::consts::{PI, TAU};
 
 /// Proposes directions towards the sky.
 #[derive(Clone, Debug)]
-pub struct SkyGuide {
+pub struct SkySampler {
     portals: Vec<Opening>,
     picture: Option<Picture>,
 }
@@ -30,8 +30,8 @@ struct Opening {
     room: [DVec3; 2],
 }
 
-impl SkyGuide {
-    /// A guide for the scene's portals and its sky's picture; `origin` is the world position of the local
+impl SkySampler {
+    /// A sampler for the scene's portals and its sky's picture; `origin` is the world position of the local
     /// origin. `None` where the cosine is as good: no sky, or neither portals nor a picture with bright
     /// parts.
     pub fn new(scene: &Scene, sky: &SkyTable, origin: DVec3) -> Option<Self> {
@@ -43,7 +43,7 @@ impl SkyGuide {
         (!portals.is_empty() || picture.is_some()).then_some(Self { portals, picture })
     }
 
-    /// A direction and its density over solid angle ([`SkyGuide::pdf`] of it); it may lie below the
+    /// A direction and its density over solid angle ([`SkySampler::pdf`] of it); it may lie below the
     /// receiver's horizon. `choice` in [0, 1) chooses where to look, `u` in [0, 1)² the direction. `None`
     /// where no portal can be seen (and there is no picture): the density is then 0 everywhere.
     pub fn sample(&self, point: Vec3, normal: Vec3, choice: f32, u: Vec2) -> Option<(Vec3, f32)> {
@@ -75,8 +75,8 @@ impl SkyGuide {
         (direction.is_finite() && pdf > 0.0 && pdf.is_finite()).then_some((direction, pdf))
     }
 
-    /// Density over solid angle of [`SkyGuide::sample`] in a unit direction, by whatever way it may be found:
-    /// through any of the portals in that direction, or in the picture.
+    /// Density over solid angle of [`SkySampler::sample`] in a unit direction, by whatever way it may be
+    /// found: through any of the portals in that direction, or in the picture.
     pub fn pdf(&self, point: Vec3, normal: Vec3, direction: Vec3) -> f32 {
         let (p, n) = (point.as_dvec3(), normal.as_dvec3());
         match self.shares(p, n) {
@@ -134,8 +134,8 @@ struct ShareOf {
 
 impl ShareOf {
     /// The importance of a portal.
-    fn of(&self, guide: &SkyGuide, portal: usize, p: DVec3, n: DVec3) -> f64 {
-        self.first.get(portal).copied().unwrap_or_else(|| guide.portals[portal].importance(p, n))
+    fn of(&self, sky_sampler: &SkySampler, portal: usize, p: DVec3, n: DVec3) -> f64 {
+        self.first.get(portal).copied().unwrap_or_else(|| sky_sampler.portals[portal].importance(p, n))
     }
 }
 
@@ -315,5 +315,5 @@ fn blurred(cells: &[f64], columns: usize, rows: usize) -> Vec<f64> {
 }
 
 #[cfg(test)]
-#[path = "guide_tests.rs"]
+#[path = "sky_sampler_tests.rs"]
 mod tests;
