@@ -35,7 +35,7 @@ pub struct Options {
     /// at most 1].
     #[arg(long, value_name = "EV", allow_hyphen_values = true, value_parser = parse_exposure)]
     pub exposure: Option<f64>,
-    /// The dataset's folder [default: dataset/<scene>].
+    /// The dataset's folder [default: that of the scene in dataset/].
     #[arg(long, value_name = "DIR")]
     pub dataset: Option<PathBuf>,
     /// Show the light that a compressed bundle of this dataset decodes to, instead of the dataset's
