@@ -10,7 +10,7 @@ use baker::bake::forecast::{ESCAPE_RAYS, Forecast, forecast, scale};
 use baker::bake::layout_estimate::LayoutEstimate;
 use baker::bake::local_errors::LocalErrorSummary;
 use baker::bake::plan::hour;
-use baker::bake::prediction::{Prediction, predict};
+use baker::bake::prediction::{Point, Prediction, predict};
 use baker::bake::run::{Denoise, Integrator, Options, Outcome, Preset, bake, prepare};
 use baker::bake::views;
 use baker::light::extra_times::{self, percent};
@@ -174,7 +174,8 @@ changes), layers, visibility (of the sun: times, minutes of the finest step; nul
 wide the texels are in the coarser layout that pages above 2048² are estimated from, else 1; texels covered, skipped_triangles, skipped_area and skipped_rays of faces that nobody can see,
 texels_per_metre, extent in metres, dataset_bytes, layers_bytes, work_bytes, peak_bytes: the most of these at once, memory_bytes, escaping_rays: of 4096
 rays from surfaces, those that leave the scene), expected (error against run time, by the bake in the dataset's folder: from_samples, points: samples, seconds of tracing, median
-and p95 of the local error, that at the worst hour; null if there is no such bake with the same times), free_bytes (on the file system of the dataset; null if unknown), warnings.
+and p95 of the local error, that at the worst hour; target: the point that --target-error takes, or null; null if there is no bake with these
+times and a fixed number of samples that traced all layers), free_bytes (on the file system of the dataset; null if unknown), warnings.
 
 A run that is interrupted or killed continues when started again with the same arguments. Ctrl-C, SIGTERM and SIGHUP end it within
 0.2 s, with exit code 130, 143 or 129. Other exit codes: 0 done; 1 or 2 do not retry (bad input, a bad command
@@ -399,21 +400,23 @@ fn in_short(layers: &[String]) -> Vec<String> {
 
 /// Error against run time, in words.
 fn say_prediction(expected: Option<&Prediction>, out: &Path, console: &Console) {
-    let Some(Prediction { from_samples, points }) = expected else {
+    let Some(Prediction { from_samples, points, target }) = expected else {
         return console.print(
-            "  error and time: not known before a bake with a fixed number of samples (--draft is quick); --plan then predicts them",
+            "  error and time: known after a bake with these times and a fixed number of samples (--draft is quick)",
         );
     };
     console.print(format!("  by the bake in {} ({from_samples} samples), on its machine:", out.display()));
-    for point in points {
+    let say = |point: &Point, what: &str| {
         console.print(format!(
-            "    {:>6} samples: {} of tracing; local error {} in the median cell, up to {} in 95 % of cells at the worst hour",
+            "    {:>6} samples{what}: {} of tracing; local error {} in the median cell, up to {} in 95 % of cells at the worst hour",
             point.samples,
             run_time(point.seconds),
             percent(point.median),
             percent(point.p95)
         ));
-    }
+    };
+    points.iter().for_each(|point| say(point, ""));
+    target.iter().for_each(|point| say(point, " for the target, fewer where cells converge earlier"));
 }
 
 fn run_time(seconds: f64) -> String {

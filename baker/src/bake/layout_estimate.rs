@@ -83,7 +83,7 @@ impl LayoutEstimate {
         let texel_scale = self.texel_scale;
         (texel_scale > 1).then(|| {
             format!(
-                "estimated from a layout with texels {texel_scale} times as wide; what the layout itself may warn of is told by the bake"
+                "estimated from a layout with texels {texel_scale} times as wide; the bake gives the warnings of the real one"
             )
         })
     }
@@ -93,7 +93,7 @@ impl LayoutEstimate {
 pub(super) fn cache_entries(prepared: &Prepared, layout: &LayoutEstimate) -> usize {
     let shift = solve::shift(layout.texels(), prepared.plan.layers());
     let halvings = layout.texel_scale.ilog2();
-    // Squares smaller than a texel of the layout are so many times as many as its texels.
+    // A texel of the layout holds 4^`smaller` squares, if they are smaller than it.
     let (coarse, smaller) = (shift.saturating_sub(halvings), halvings.saturating_sub(shift));
     let most = solve::most_entries(prepared.plan.layers());
     let atlas = &layout.atlas;

@@ -133,7 +133,7 @@ pub struct Outcome {
     pub size: [u32; 2],
     /// Pages.
     pub pages: u32,
-    /// Sets written.
+    /// Frames written.
     #[serde(alias = "sets")]
     pub frames: usize,
     /// Their hours.
@@ -211,7 +211,7 @@ pub struct LocalErrors {
     /// The frame whose 95th percentile is greatest.
     #[serde(alias = "worst_set")]
     pub worst_frame: Option<usize>,
-    /// Where many cells have more than 5 %: why, and what to do.
+    /// Where many cells have more than the target error, or than 5 % without one: why, and what to do.
     pub advice: Option<String>,
 }
 

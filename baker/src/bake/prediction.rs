@@ -20,9 +20,12 @@ pub struct Prediction {
     pub from_samples: u32,
     /// By the number of samples.
     pub points: Vec<Point>,
+    /// With as many samples everywhere as the target error takes; `None` without one. (Cells that converge
+    /// earlier take fewer.)
+    pub target: Option<Point>,
 }
 
-/// A bake with so many samples.
+/// A bake with this number of samples.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Point {
     /// Samples per texel.
@@ -35,8 +38,8 @@ pub struct Point {
     pub p95: f64,
 }
 
-/// By the bake that lies in `out`; `None` if there is none of this scene with these times and this
-/// integrator, or if its cells got different numbers of samples (towards a target, or out of time).
+/// By the bake that lies in `out`; `None` if there is none of this scene with these times and this integrator
+/// that traced all of its layers, each cell with the same samples (not towards a target, nor out of time).
 /// `texels`: those that surface touches.
 pub fn predict(prepared: &Prepared, out: &Path, texels: usize) -> Option<Prediction> {
     let run: Outcome = serde_json::from_slice(&std::fs::read(out.join(RUN)).ok()?).ok()?;
@@ -44,40 +47,64 @@ pub fn predict(prepared: &Prepared, out: &Path, texels: usize) -> Option<Predict
     let is_like = run.scene == prepared.scene.name
         && run.integrator == prepared.integrator
         && run.denoised.is_some() == prepared.denoise.is_some()
+        && run.layers.reused == 0
         && hours.eq(run.hours.iter().copied());
     let ((_, worst), all) = (run.worst_hour().filter(|_| is_like)?, run.local.all?);
-    let power = if run.denoised.is_some() { POWER_DENOISED } else { 0.5 };
-    let errors = [all.median, worst.p95];
-    let more_texels = texels as f64 / run.texels.max(1) as f64;
-    let points = points(&run.rounds, errors, power, prepared.limits.samples, more_texels)?;
-    Some(Prediction { from_samples: run.samples, points })
+    let earlier = Earlier {
+        rounds: &run.rounds,
+        median: all.median,
+        p95: worst.p95,
+        power: if run.denoised.is_some() { POWER_DENOISED } else { 0.5 },
+        more_texels: texels as f64 / run.texels.max(1) as f64,
+    };
+    let from_samples = earlier.samples()?;
+    let target = prepared.limits.target_error.map(|error| earlier.at(earlier.samples_for(error)));
+    let samples = if prepared.limits.have_target() { from_samples } else { prepared.limits.samples };
+    let points = STEPS.iter().map(|step| earlier.at(f64::from(samples) * step)).collect();
+    Some(Prediction { from_samples, points, target })
 }
 
-fn points(
-    rounds: &[Round],
-    [median, p95]: [f64; 2],
+/// What counts of the earlier bake.
+struct Earlier<'a> {
+    rounds: &'a [Round],
+    median: f64,
+    p95: f64,
+    /// By which its errors fall with samples.
     power: f64,
-    samples: u32,
+    /// Texels of the bake to come, to one of the earlier.
     more_texels: f64,
-) -> Option<Vec<Point>> {
-    let (first, last) = (rounds.first()?, rounds.last()?);
-    // (A cell that stopped early has fewer samples than the round.)
-    if rounds.iter().any(|round| round.is_late || round.is_missed || round.unconverged_cells > 0) {
-        return None;
+}
+
+impl Earlier<'_> {
+    /// Those of every cell; `None` if some stopped early.
+    fn samples(&self) -> Option<u32> {
+        let is_even = |round: &Round| !round.is_late && !round.is_missed && round.unconverged_cells == 0;
+        let last = self.rounds.last().filter(|last| last.samples > 0)?;
+        self.rounds.iter().all(is_even).then_some(last.samples)
     }
-    // The first round holds what does not depend on samples: the cache, and pilot samples.
-    let slope = match last.samples - first.samples {
-        0 => last.seconds / f64::from(last.samples),
-        samples => (last.seconds - first.seconds) / f64::from(samples),
-    };
-    let at = |step: &f64| {
-        let samples = (f64::from(samples) * step).round().max(1.0);
-        let before = f64::from(last.samples);
-        let less = (samples / before).powf(-power);
-        let seconds = (last.seconds + slope * (samples - before)).max(0.0) * more_texels;
-        Point { samples: samples as u32, seconds, median: median * less, p95: p95 * less }
-    };
-    Some(STEPS.iter().map(at).collect())
+
+    fn samples_for(&self, error: f64) -> f64 {
+        let last = self.rounds.last().map_or(0, |last| last.samples);
+        f64::from(last) * (self.p95 / error).powf(1.0 / self.power)
+    }
+
+    fn at(&self, samples: f64) -> Point {
+        let (first, last) = (&self.rounds[0], &self.rounds[self.rounds.len() - 1]);
+        let samples = samples.round().clamp(1.0, f64::from(u32::MAX));
+        // The first round holds what does not depend on samples: the cache, and pilot samples.
+        let slope = match last.samples.saturating_sub(first.samples) {
+            0 => last.seconds / f64::from(last.samples),
+            samples => (last.seconds - first.seconds) / f64::from(samples),
+        };
+        let seconds = last.seconds + slope * (samples - f64::from(last.samples));
+        let less = (samples / f64::from(last.samples)).powf(-self.power);
+        Point {
+            samples: samples as u32,
+            seconds: seconds.max(0.0) * self.more_texels,
+            median: self.median * less,
+            p95: self.p95 * less,
+        }
+    }
 }
 
 #[cfg(test)]
@@ -88,27 +115,40 @@ mod tests {
         Round { samples, seconds, ..Round::default() }
     }
 
-    fn predicted(rounds: &[Round], more_texels: f64) -> Option<Vec<Point>> {
-        points(rounds, [0.02, 0.1], 0.5, 64, more_texels)
+    fn earlier(rounds: &[Round], more_texels: f64) -> Earlier<'_> {
+        Earlier { rounds, median: 0.02, p95: 0.1, power: 0.5, more_texels }
     }
 
     #[test]
     fn seconds_are_linear_in_samples_and_errors_fall_with_their_root() {
         let rounds = [round(8, 4.0), round(64, 11.0)];
-        let points = predicted(&rounds, 1.0).unwrap();
-        let samples: Vec<u32> = points.iter().map(|point| point.samples).collect();
-        assert_eq!(samples, [16, 32, 64, 128, 256]);
-        assert_eq!(points[2], Point { samples: 64, seconds: 11.0, median: 0.02, p95: 0.1 });
-        assert_eq!(points[4], Point { samples: 256, seconds: 35.0, median: 0.01, p95: 0.05 });
-        assert_eq!(predicted(&rounds, 4.0).unwrap()[2].seconds, 44.0);
+        let bake = earlier(&rounds, 1.0);
+        assert_eq!(bake.samples(), Some(64));
+        assert_eq!(bake.at(64.0), Point { samples: 64, seconds: 11.0, median: 0.02, p95: 0.1 });
+        assert_eq!(bake.at(256.0), Point { samples: 256, seconds: 35.0, median: 0.01, p95: 0.05 });
+        assert_eq!(earlier(&rounds, 4.0).at(64.0).seconds, 44.0);
         // By a single round, all of it goes with the samples.
-        assert_eq!(predicted(&[round(32, 8.0)], 1.0).unwrap()[2].seconds, 16.0);
+        assert_eq!(earlier(&[round(32, 8.0)], 1.0).at(64.0).seconds, 16.0);
     }
 
     #[test]
-    fn nothing_is_predicted_from_cells_that_stopped_early() {
+    fn a_target_takes_the_samples_that_reach_it() {
+        let rounds = [round(8, 4.0), round(64, 11.0)];
+        let bake = earlier(&rounds, 1.0);
+        assert!((bake.samples_for(0.05) - 256.0).abs() < 1e-9);
+        assert_eq!(bake.at(bake.samples_for(0.05)), bake.at(256.0));
+        // However small, it stays a number.
+        assert_eq!(bake.at(bake.samples_for(1e-300)).samples, u32::MAX);
+        assert_eq!(Earlier { p95: 0.0, ..bake }.samples_for(0.05), 0.0);
+    }
+
+    #[test]
+    fn nothing_is_predicted_from_cells_that_stopped_early_or_from_nonsense() {
         let early = Round { unconverged_cells: 3, ..round(16, 4.0) };
-        assert_eq!(predicted(&[early, round(64, 11.0)], 1.0), None);
-        assert_eq!(predicted(&[], 1.0), None);
+        assert_eq!(earlier(&[early, round(64, 11.0)], 1.0).samples(), None);
+        assert_eq!(earlier(&[], 1.0).samples(), None);
+        assert_eq!(earlier(&[round(64, 1.0), round(0, 2.0)], 1.0).samples(), None);
+        // Rounds that fall were written by nobody; they give no panic.
+        assert_eq!(earlier(&[round(64, 1.0), round(16, 2.0)], 1.0).at(32.0).seconds, 4.0);
     }
 }

@@ -69,7 +69,7 @@ impl Compressed {
 
     /// What is to be said of its light at an hour; `moves`: daylight changes with the hour.
     pub fn doubts(&self, config: &Config, hour: f64, moves: bool) -> Vec<String> {
-        /// Sets this far apart, in hours, leave a part of the day that nobody baked.
+        /// Frames this far apart, in hours, leave a part of the day that nobody baked.
         const FAR: f64 = 12.0;
         let (path, timeline) = (self.path.display(), &self.decoder.bundle().header.timeline);
         let blend = timeline.at(hour);

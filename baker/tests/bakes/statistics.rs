@@ -11,7 +11,7 @@ const SIGNIFICANCE: f64 = 1e-3;
 
 /// What many bakes of one scene gave.
 pub struct Bakes {
-    /// Mean over the seeds, per set, texel and channel; only texels valid in all.
+    /// Mean over the seeds, per frame, texel and channel; only texels valid in all.
     mean: Vec<f64>,
     /// Variance of one bake, estimated from the seeds.
     variance: Vec<f64>,
@@ -42,8 +42,8 @@ pub fn bakes(case: &Case, first: u64, samples: u32, change: impl Fn(&mut Options
         let noise = dataset.noise().expect("readable").expect("a noise table");
         let mask = dataset.mask(0).expect("a mask");
         let (mut all, mut all_valid) = (Vec::new(), Vec::new());
-        for (set, mse) in noise.mse.iter().enumerate() {
-            let image = dataset.map(set, 0).expect("a map");
+        for (frame, mse) in noise.mse.iter().enumerate() {
+            let image = dataset.map(frame, 0).expect("a map");
             all.extend(image.texels.iter().flatten().map(|v| f64::from(*v)));
             all_valid.extend(mask.valid.iter().flat_map(|v| [*v; 3]));
             // One tile: the page is smaller.

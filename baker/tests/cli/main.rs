@@ -166,6 +166,31 @@ fn json(arguments: &[&str]) -> serde_json::Value {
 }
 
 #[test]
+fn the_plan_predicts_by_the_bake_that_is_there() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("court");
+    let run = |more: &[&str]| json(&[&["--hours", "12", "--out", text(&out)], more].concat());
+    assert!(run(&["--plan"])["expected"].is_null());
+    let outcome = run(&["--samples", "32"]);
+    // The same bake again: its own seconds and errors.
+    let expected = &run(&["--plan", "--samples", "32"])["expected"];
+    let worst = &outcome["local"]["frames"][outcome["local"]["worst_frame"].as_u64().unwrap() as usize];
+    let point = &expected["points"][2];
+    assert_eq!((&expected["from_samples"], &point["samples"]), (&32.into(), &32.into()));
+    assert_eq!((&point["p95"], &point["median"]), (&worst["p95"], &outcome["local"]["all"]["median"]));
+    assert!(expected["target"].is_null() && expected["points"].as_array().unwrap().len() == 5);
+    // (Texels covered, and not all of them valid.)
+    let [seconds, traced] =
+        [&point["seconds"], &outcome["rounds"][1]["seconds"]].map(|v| v.as_f64().unwrap());
+    assert!((1.0..1.3).contains(&(seconds / traced)), "{seconds} s instead of {traced}");
+    let target = &run(&["--plan", "--target-error", "1%"])["expected"]["target"];
+    assert!((target["p95"].as_f64().unwrap() - 0.01).abs() < 1e-3, "{target}");
+    // From cells that stop early nothing is predicted.
+    run(&["--samples", "256", "--target-error", "3%"]);
+    assert!(run(&["--plan"])["expected"].is_null());
+}
+
+#[test]
 fn a_target_error_is_reached_and_told() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("court");

@@ -60,13 +60,13 @@ pub fn export(
     if shares.is_empty() && layered {
         omitted.push("layers of sun, sky and light groups: the layout cannot store them".to_owned());
     }
-    let set = &dataset.config;
+    let manifest = &dataset.config;
     for (what, is_there) in [
-        ("geometry", set.geometry.is_some()),
-        ("chart placements of instances", !set.instances.is_empty()),
-        ("noise", set.noise.is_some()),
-        ("the sun's path", set.sun_path.is_some()),
-        ("the sun's visibility", set.visibility.is_some()),
+        ("geometry", manifest.geometry.is_some()),
+        ("chart placements of instances", !manifest.instances.is_empty()),
+        ("noise", manifest.noise.is_some()),
+        ("the sun's path", manifest.sun_path.is_some()),
+        ("the sun's visibility", manifest.visibility.is_some()),
     ] {
         if is_there {
             omitted.push(format!("{what}: the layout cannot store it"));

@@ -40,7 +40,7 @@ pub(super) fn kept(
     let layout = layout::named(layout);
     let layout = layout.ok_or_else(|| Error::invalid(path.display(), "EXR files have no configuration"))?;
     let config = &dataset.config;
-    let hours: Vec<f64> = config.frames.iter().map(|set| set.hour).collect();
+    let hours: Vec<f64> = config.frames.iter().map(|frame| frame.hour).collect();
     let differs = || {
         let what = "lightmaps or hours differ from the manifest's; expected the configuration of the import";
         Error::invalid(path.display(), what)

@@ -90,7 +90,7 @@ impl Import {
         let layers = !config.layers.is_empty();
         let out = self.out.display();
         let (pages, frames) = (count(config.pages.len(), "page"), count(config.frames.len(), "frame"));
-        let hours: Vec<f64> = config.frames.iter().map(|set| set.hour).collect();
+        let hours: Vec<f64> = config.frames.iter().map(|frame| frame.hour).collect();
         console
             .say(format!("{out}: {pages}, {frames}, layers {}", if layers { "stored" } else { "unknown" }));
         console.say(format!("hours: {}", spacing(&hours)));
