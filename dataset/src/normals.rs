@@ -32,13 +32,8 @@ impl Normals {
     /// # Panics
     /// If there are no texels, or their number is not `width · height`.
     pub fn to_png(&self) -> Vec<u8> {
-        let sample = |x: &f32| ((x * ONE as f32).round() as i32 + ZERO).clamp(1, 2 * ZERO - 1) as u16;
-        let samples: Vec<u16> = self.normals.iter().flatten().map(sample).collect();
-        let samples = bytemuck::cast_slice(&samples);
-        // Where charts are flat texels are those above, bit by bit; it is also the filter that readers undo
-        // with least work.
-        let filter = image::codecs::png::FilterType::Up;
-        encode_png_by(samples, self.width, self.height, image::ExtendedColorType::Rgb16, filter)
+        let samples: Vec<[u16; 3]> = self.normals.iter().map(|normal| samples_of(*normal)).collect();
+        png_of(&samples, self.width, self.height)
     }
 
     /// Reads a file.
@@ -61,6 +56,22 @@ impl Normals {
         }
         Ok(Normals { width, height, normals })
     }
+}
+
+/// A normal as a file has it.
+pub fn samples_of(normal: [f32; 3]) -> [u16; 3] {
+    normal.map(|x| ((x * ONE as f32).round() as i32 + ZERO).clamp(1, 2 * ZERO - 1) as u16)
+}
+
+/// The bytes of a file of such samples, row by row from the top.
+///
+/// # Panics
+/// If there are none, or their number is not `width · height`.
+pub fn png_of(samples: &[[u16; 3]], width: usize, height: usize) -> Vec<u8> {
+    // Where charts are flat texels are those above, bit by bit; it is also the filter that readers undo with
+    // least work.
+    let filter = image::codecs::png::FilterType::Up;
+    encode_png_by(bytemuck::cast_slice(samples), width, height, image::ExtendedColorType::Rgb16, filter)
 }
 
 #[cfg(test)]

@@ -3,11 +3,11 @@
 use super::check::Chosen;
 use super::errors::{Errors, Sums};
 use super::json;
-use super::layers::{FilteredLayer, Layers, Part, Texel};
+use super::layers::{FilteredLayer, LayerReader, Layers, Part, Texel, each_sum};
 use super::local_errors::{COUNTED_ERRORS, CellMap, LocalErrorSummary, Pieces};
+use super::page_light::{BAND, PageLight, PartLight, Texels, add};
 use super::plan::Plan;
-use super::post::Dilation;
-use super::seams::{Jump, Seams};
+use super::seams::Jump;
 use super::valid::ValidTexels;
 use super::value::Value;
 use crate::atlas::Atlas;
@@ -16,15 +16,11 @@ use crate::geometry::Geometry;
 use crate::scene::Baked;
 use crate::{Result, Rgb};
 use dataset::config::{self, FileRef, Frame, Layer, Light, Noise, Page};
-use dataset::image::{Image, Mask, exr_of};
+use dataset::image::Mask;
+use dataset::signals::stop_if_interrupted;
 use dataset::store::Writer;
 use dataset::tiles::TILE;
-
-/// Texels around valid ones that are filled at least: a whole block of those a chart owns.
-const LEAST_FILLED: u32 = 4;
-
-/// Texels of all layers of a time that are in memory at once.
-const AT_ONCE: usize = 1 << 14;
+use std::borrow::Cow;
 
 /// Puts the layers of a plan together.
 pub struct Assembler<'a> {
@@ -35,15 +31,11 @@ pub struct Assembler<'a> {
     digests: &'a [String],
     /// Per layer, where it was filtered.
     filtered: Vec<Option<FilteredLayer>>,
-    texels: Vec<Texel>,
+    page: PageLight<'a>,
     /// Per texel, the sum of all layers.
     light: Vec<f32>,
     cell_map: &'a CellMap,
     pieces: Pieces,
-    /// Valid texels of the virtual page.
-    mask: Mask,
-    dilation: Dilation,
-    seams: Seams,
     /// Covered texels that are not valid: too little of them is surface, the rest in solids or beyond a wall.
     buried_texels: usize,
     /// Covered texels that are not valid: no light reaches them.
@@ -118,23 +110,44 @@ fn parts_in_dataset(baked: Baked, is_sky: bool) -> &'static [(Part, config::Part
     }
 }
 
+/// The light of the groups that are on.
+struct GroupLight {
+    /// Their layers.
+    layers: Vec<usize>,
+    /// What is held of each, where the page is more than one band.
+    parts: Vec<Vec<PartLight>>,
+    /// The sum, where it is one.
+    whole: Option<Vec<[f32; 3]>>,
+}
+
 impl<'a> Assembler<'a> {
     /// Finds the valid texels, and what follows from them.
     pub fn new(
         plan: &'a Plan,
         geometry: &Geometry,
         atlas: &'a Atlas,
-        (layers, digests): (&'a Layers, &'a [String]),
+        layers: (&'a Layers, &'a [String]),
         texels: Vec<Texel>,
         cell_map: &'a CellMap,
         padding: u32,
+    ) -> Result<Self> {
+        Assembler::in_bands(plan, geometry, atlas, layers, texels, cell_map, (padding, BAND))
+    }
+
+    /// [`Assembler::new`] with about so many texels of an image in memory at once; the images are the same.
+    pub fn in_bands(
+        plan: &'a Plan,
+        geometry: &Geometry,
+        atlas: &'a Atlas,
+        (layers, digests): (&'a Layers, &'a [String]),
+        texels: Vec<Texel>,
+        cell_map: &'a CellMap,
+        (padding, band): (u32, usize),
     ) -> Result<Self> {
         let owners = Owners::new(atlas);
         let parts = digests.iter().enumerate().map(|(layer, digest)| (digest, plan.parts_of(layer)));
         let valid = ValidTexels::find(atlas, &owners, &texels, layers, parts)?;
         let ValidTexels { mask, light, buried, unlit } = valid;
-        let dilation = Dilation::new(&mask, &owners, padding.max(LEAST_FILLED));
-        let seams = Seams::new(geometry, atlas, &mask);
         let pieces = Pieces::of_texels(cell_map, mask.width, texels.iter().map(|texel| texel.index as usize));
         Ok(Assembler {
             plan,
@@ -142,13 +155,10 @@ impl<'a> Assembler<'a> {
             layers,
             digests,
             filtered: vec![None; digests.len()],
-            texels,
+            page: PageLight::new(geometry, atlas, &owners, (texels, mask), padding, band),
             light,
             cell_map,
             pieces,
-            mask,
-            dilation,
-            seams,
             buried_texels: buried,
             unlit_texels: unlit,
         })
@@ -156,12 +166,17 @@ impl<'a> Assembler<'a> {
 
     /// The covered texels of the page.
     pub fn texels(&self) -> &[Texel] {
-        &self.texels
+        &self.page.texels
     }
 
     /// Whether a covered texel is valid.
     pub fn is_valid(&self, position: usize) -> bool {
-        self.mask.valid[self.texels[position].index as usize]
+        self.page.is_valid(position)
+    }
+
+    /// The mask of valid texels of the virtual page.
+    fn mask(&self) -> &Mask {
+        &self.page.mask
     }
 
     /// With some layers as a filter left them.
@@ -169,12 +184,9 @@ impl<'a> Assembler<'a> {
         Assembler { filtered, ..self }
     }
 
-    /// Goes through a part of a layer, as a filter left it where there is one.
-    fn each(&self, layer: usize, part: Part, value: impl FnMut(usize, Value)) -> Result<()> {
-        match (&self.filtered[layer], part) {
-            (Some(filtered), Part::Rest) => self.layers.each_filtered(filtered, value),
-            _ => self.layers.each(&self.digests[layer], part, value),
-        }
+    /// Reads a part of a layer, as a filter left it where there is one.
+    fn reader(&self, layer: usize, part: Part) -> Result<LayerReader> {
+        self.layers.reader_of(&self.digests[layer], part, self.filtered[layer].as_ref())
     }
 
     /// What lightmaps hold of a layer at some of the covered texels.
@@ -193,63 +205,72 @@ impl<'a> Assembler<'a> {
     /// The valid texels, by their positions among the covered ones, which is where layers hold them, each
     /// with its index on the page and the sum of its light in all layers.
     pub fn valid_texels(&self) -> impl Iterator<Item = (Chosen, f32)> {
-        let valid = self.texels.iter().enumerate().filter(|(_, texel)| self.mask.valid[texel.index as usize]);
+        let valid = self.texels().iter().enumerate().filter(|(position, _)| self.is_valid(*position));
         valid.map(|(position, texel)| (Chosen { position, index: texel.index }, self.light[position]))
     }
 
-    /// A part of a layer as an image of the virtual page, dilated and, if asked, stitched.
-    fn part(&self, layer: usize, part: Part, stitched: bool) -> Result<Image> {
-        let mut image = self.black();
-        let scale = self.plan.scale_of(layer);
-        self.each(layer, part, |position, value| {
-            if self.is_valid(position) {
-                image.texels[self.texels[position].index as usize] = (value.mean * scale).to_array();
+    /// A part of a layer on the page.
+    fn part(&self, layer: usize, part: Part) -> Result<PartLight> {
+        self.page.part(self.reader(layer, part)?, self.plan.scale_of(layer))
+    }
+
+    /// The light of some groups, by their layers.
+    fn group_light(&self, layers: Vec<usize>) -> Result<GroupLight> {
+        let held = |&layer: &usize| -> Result<Vec<PartLight>> {
+            self.plan.held_parts_of(layer).iter().map(|&part| self.part(layer, part)).collect()
+        };
+        let mut group_light = GroupLight { layers, parts: Vec::new(), whole: None };
+        if self.page.bands() > 1 {
+            group_light.parts = group_light.layers.iter().map(held).collect::<Result<_>>()?;
+            return Ok(group_light);
+        }
+        for layer in &group_light.layers {
+            let light = self.page.sum(&held(layer)?, 0)?;
+            match &mut group_light.whole {
+                Some(sum) => add(sum, &light),
+                None => group_light.whole = Some(light),
             }
-        })?;
-        self.dilation.apply(&mut image);
-        if stitched {
-            self.seams.stitch(&mut image);
         }
-        Ok(image)
+        Ok(group_light)
     }
 
-    /// An image of the virtual page without light.
-    fn black(&self) -> Image {
-        Image::black(self.mask.width, self.mask.height)
-    }
-
-    /// What lightmaps hold of a layer: the sum of its parts, each dilated and stitched.
-    fn held(&self, layer: usize) -> Result<Image> {
-        let mut sum = self.black();
-        for &part in self.plan.held_parts_of(layer) {
-            add(&mut sum, &self.part(layer, part, true)?);
+    /// A band of the sum of daylight and of groups: the groups are summed first.
+    fn total(&self, daylight: &[PartLight], group_light: &GroupLight, band: usize) -> Result<Vec<[f32; 3]>> {
+        let mut total = self.page.sum(daylight, band)?;
+        let mut of_groups: Option<Texels> = group_light.whole.as_deref().map(Cow::Borrowed);
+        for parts in &group_light.parts {
+            let light = self.page.sum(parts, band)?;
+            match &mut of_groups {
+                Some(sum) => add(sum.to_mut(), &light),
+                None => of_groups = Some(Cow::Owned(light)),
+            }
         }
-        Ok(sum)
+        of_groups.iter().for_each(|light| add(&mut total, light));
+        Ok(total)
     }
 
-    /// Stores the parts of a layer that lightmaps hold, `None` being a layer that is black; adds them to
-    /// `sum`.
+    /// Stores the parts of a layer that lightmaps hold, `None` being a layer that is black. Gives their light,
+    /// too.
     fn store_parts(
         &self,
         writer: &mut Writer,
         layer: Option<usize>,
         parts: &[(Part, config::Part)],
         stem: impl Fn(config::Part) -> String,
-        sum: &mut Image,
-    ) -> Result<Vec<Share>> {
-        let mut shares = Vec::new();
+    ) -> Result<(Vec<Share>, Vec<PartLight>)> {
+        let (mut shares, mut lights) = (Vec::new(), Vec::new());
         for &(part, name) in parts {
-            let files = match layer {
-                None => vec![None; self.atlas.pages as usize],
-                Some(layer) => {
-                    let image = self.part(layer, part, true)?;
-                    add(sum, &image);
-                    self.add_lit(writer, &stem(name), &image)?
-                }
+            let Some(layer) = layer else {
+                shares.push((name, vec![None; self.atlas.pages as usize]));
+                continue;
             };
+            let light = self.part(layer, part)?;
+            let is_lit = |page: u32| light.is_lit[page as usize];
+            let files = self.add(writer, &stem(name), is_lit, |band| self.page.band(&light, band))?;
             shares.push((name, files));
+            lights.push(light);
         }
-        Ok(shares)
+        Ok((shares, lights))
     }
 
     /// Whether no part of a layer holds any light.
@@ -261,31 +282,33 @@ impl<'a> Assembler<'a> {
         Ok(is_dark)
     }
 
-    /// The texels of a page, cut out of the virtual page.
-    fn page<'i>(&self, image: &'i Image, page: u32) -> &'i [[f32; 3]] {
-        let rows = self.atlas.page_rows(page);
-        &image.texels[rows.start as usize * image.width..rows.end as usize * image.width]
-    }
-
-    /// Stores a page of an image.
-    fn add_page(&self, writer: &mut Writer, stem: &str, image: &Image, page: u32) -> Result<FileRef> {
-        let (width, texels) = (image.width, self.page(image, page));
-        let exr = exr_of(width, texels.len() / width, |y, row| {
-            row.copy_from_slice(&texels[y * width..(y + 1) * width]);
-        });
-        writer.add(&self.stem(stem, page), "exr", &exr)
-    }
-
-    /// Stores an image, one file per page.
-    fn add(&self, writer: &mut Writer, stem: &str, image: &Image) -> Result<Vec<FileRef>> {
-        (0..self.atlas.pages).map(|page| self.add_page(writer, stem, image, page)).collect()
-    }
-
-    /// Stores an image, one file per page; none where it is black.
-    fn add_lit(&self, writer: &mut Writer, stem: &str, image: &Image) -> Result<Vec<Option<FileRef>>> {
-        let is_lit = |page: &u32| self.page(image, *page).iter().any(|texel| *texel != [0.0; 3]);
-        let mut add = |page| is_lit(&page).then(|| self.add_page(writer, stem, image, page)).transpose();
-        (0..self.atlas.pages).map(&mut add).collect()
+    /// Stores an image given by its bands, one file for each page that `is_lit`.
+    fn add<'t>(
+        &self,
+        writer: &mut Writer,
+        stem: &str,
+        is_lit: impl Fn(u32) -> bool,
+        texels_of: impl Fn(usize) -> Result<Texels<'t>>,
+    ) -> Result<Vec<Option<FileRef>>> {
+        let width = self.mask().width;
+        let mut at_hand: Option<(usize, Texels)> = None;
+        let mut add = |page: u32| {
+            let rows = self.atlas.page_rows(page);
+            writer.add_exr(&self.stem(stem, page), (width, rows.len()), |y, row| {
+                let (band, y) = self.page.place_of_row(rows.start as usize + y);
+                let texels = match at_hand.take().filter(|(number, _)| *number == band) {
+                    Some((_, texels)) => texels,
+                    None => {
+                        stop_if_interrupted()?;
+                        texels_of(band)?
+                    }
+                };
+                row.copy_from_slice(&texels[y * width..][..width]);
+                at_hand = Some((band, texels));
+                Ok(())
+            })
+        };
+        (0..self.atlas.pages).map(|page| is_lit(page).then(|| add(page)).transpose()).collect()
     }
 
     fn stem(&self, stem: &str, page: u32) -> String {
@@ -304,10 +327,10 @@ impl<'a> Assembler<'a> {
             let layer = index.map(|g| first_group + g);
             let parts = parts_in_dataset(of_group, false);
             let stem = |part: config::Part| format!("group{}-{}", index.unwrap_or_default(), part.name());
-            let mut sum = self.black();
-            let shares = self.store_parts(writer, layer, parts, stem, &mut sum)?;
+            let (shares, lights) = self.store_parts(writer, layer, parts, stem)?;
             if let (Some(g), Some(layer)) = (*index, layer) {
-                is_dark[g] = is_black(&sum) && self.is_dark(layer)?;
+                let is_lit = lights.iter().any(|light| light.is_lit.contains(&true));
+                is_dark[g] = !is_lit && self.is_dark(layer)?;
                 each();
             }
             of_groups.push(shares);
@@ -319,10 +342,10 @@ impl<'a> Assembler<'a> {
         };
         let (mut suns, mut skies) = (empty(Light::Sun, sun_parts), empty(Light::Sky, sky_parts));
         let mut frames = Vec::new();
-        let mut errors = Errors::new(self.mask.width, self.mask.height, self.plan.times.len());
+        let mut errors = Errors::new(self.mask().width, self.mask().height, self.plan.times.len());
         let (mut all_cells, mut of_frames, mut worst) = (Vec::new(), Vec::new(), None);
-        // Local light stays the same over many times.
-        let (mut local, mut local_of): (Option<Image>, Vec<usize>) = (None, Vec::new());
+        // The light of groups stays the same over many times.
+        let mut group_light = self.group_light(Vec::new())?;
         for (i, time) in self.plan.times.iter().enumerate() {
             let cells = self.add_errors(i, &mut errors)?;
             let (of_cells, of_frame) = self.cell_map.judge(&cells);
@@ -341,36 +364,27 @@ impl<'a> Assembler<'a> {
                     part => format!("{}-{}-{hour}", light.name(), part.name()),
                 }
             };
-            let mut total = self.black();
-            let sun =
-                self.store_parts(writer, self.plan.sun_of[i], sun_parts, stem(Light::Sun), &mut total)?;
+            let (sun, mut daylight) =
+                self.store_parts(writer, self.plan.sun_of[i], sun_parts, stem(Light::Sun))?;
             let sky_layer = self.plan.sky_of[i].map(|s| self.plan.suns.len() + s);
             // (Lightmaps hold one part of a sky: added to the sun's light, it is as if it were summed by
             // itself first.)
-            let sky = self.store_parts(writer, sky_layer, sky_parts, stem(Light::Sky), &mut total)?;
+            let (sky, skylight) = self.store_parts(writer, sky_layer, sky_parts, stem(Light::Sky))?;
+            daylight.extend(skylight);
             for (layers, shares) in [(&mut suns, sun), (&mut skies, sky)] {
                 layers.iter_mut().zip(shares).for_each(|(layer, (_, files))| layer.files.push(files));
             }
-            // (sun + sky) + local, local summed from zero in the order of the groups.
             let on: Vec<usize> = self.plan.group_layers_of(i).collect();
-            if on != local_of {
-                local = None;
-                for &group in &on {
-                    let held = self.held(group)?;
-                    match &mut local {
-                        Some(local) => add(local, &held),
-                        // (Light is never negative zero, so that nothing plus it is it.)
-                        None => local = Some(held),
-                    }
-                }
-                local_of = on;
+            if on != group_light.layers {
+                group_light = self.group_light(on)?;
             }
-            local.iter().for_each(|local| add(&mut total, local));
+            let total = |band| Ok(Cow::Owned(self.total(&daylight, &group_light, band)?));
+            let maps = self.add(writer, &format!("frame-{hour}"), |_| true, total)?;
             frames.push(Frame {
                 hour: time.hour,
                 groups_on: time.groups_on.clone(),
                 relative_error: errors.relative_of_frame(i),
-                maps: self.add(writer, &format!("frame-{hour}"), &total)?,
+                maps: maps.into_iter().flatten().collect(),
             });
             each();
         }
@@ -385,7 +399,7 @@ impl<'a> Assembler<'a> {
             dark_groups: dark.map(|(group, _)| group).collect(),
             frames,
             noise,
-            valid_texels: self.mask.count(),
+            valid_texels: self.mask().count(),
             buried_texels: self.buried_texels,
             unlit_texels: self.unlit_texels,
             seams: self.jumps(&errors)?,
@@ -403,10 +417,9 @@ impl<'a> Assembler<'a> {
     fn store_masks(&self, writer: &mut Writer) -> Result<Vec<Page>> {
         (0..self.atlas.pages)
             .map(|page| {
-                let rows = self.atlas.page_rows(page);
-                let (from, to) = (rows.start as usize * self.mask.width, rows.end as usize * self.mask.width);
-                let valid = self.mask.valid[from..to].to_vec();
-                let mask = Mask { width: self.mask.width, height: rows.len(), valid };
+                let (rows, width) = (self.atlas.page_rows(page), self.mask().width);
+                let (from, to) = (rows.start as usize * width, rows.end as usize * width);
+                let mask = Mask { width, height: rows.len(), valid: self.mask().valid[from..to].to_vec() };
                 let stem = if self.atlas.pages == 1 { "mask".to_owned() } else { format!("mask-p{page}") };
                 let file = writer.add(&stem, "png", &mask.to_png())?;
                 Ok(Page::atlas(self.atlas.width, self.atlas.page_height, file))
@@ -418,10 +431,10 @@ impl<'a> Assembler<'a> {
     fn add_errors(&self, time: usize, errors: &mut Errors) -> Result<Vec<Sums>> {
         let mut pieces = self.pieces.sums();
         self.each_sum(&self.plan.layers_of(time), |texel, value| {
-            let index = self.texels[texel].index as usize;
+            let (x, y) = self.place(texel);
             let mut sums = Sums::default();
             sums.add_texel(value);
-            errors.add(time, index % self.mask.width, index / self.mask.width, &sums);
+            errors.add(time, x, y, &sums);
             self.pieces.add_texel(texel, value, &mut pieces);
         })?;
         let mut cells = vec![Sums::default(); self.cell_map.grid().cells()];
@@ -429,32 +442,26 @@ impl<'a> Assembler<'a> {
         Ok(cells)
     }
 
-    /// Goes through the valid texels, with the sum of what lightmaps hold of some layers at each. Of all of
-    /// these some texels at a time are in memory.
+    /// Column and row of a covered texel.
+    fn place(&self, texel: usize) -> (usize, usize) {
+        let index = self.texels()[texel].index as usize;
+        (index % self.mask().width, index / self.mask().width)
+    }
+
+    /// Goes through the valid texels, with the sum of what lightmaps hold of some layers at each.
     fn each_sum(&self, layers: &[usize], mut each: impl FnMut(usize, &Value)) -> Result<()> {
         let mut parts = Vec::new();
         for &layer in layers {
             let scale = self.plan.scale_of(layer);
             for &part in self.plan.held_parts_of(layer) {
-                let reader = match (&self.filtered[layer], part) {
-                    (Some(filtered), Part::Rest) => self.layers.reader_of_filtered(filtered)?,
-                    _ => self.layers.reader(&self.digests[layer], part)?,
-                };
-                parts.push((reader, scale));
+                parts.push((self.reader(layer, part)?, scale));
             }
         }
-        let mut sums = Vec::new();
-        for first in (0..self.texels.len()).step_by(AT_ONCE) {
-            let range = first..(first + AT_ONCE).min(self.texels.len());
-            sums.clear();
-            sums.resize(range.len(), Value::default());
-            for (reader, scale) in &mut parts {
-                reader.read(range.clone(), |i, value| sums[i] = sums[i].plus(value.times(*scale)))?;
+        each_sum(&parts, self.texels().len(), |texel, value| {
+            if self.is_valid(texel) {
+                each(texel, value);
             }
-            let valid = range.zip(&sums).filter(|(texel, _)| self.is_valid(*texel));
-            valid.for_each(|(texel, value)| each(texel, value));
-        }
-        Ok(())
+        })
     }
 
     /// What the errors of a frame come from.
@@ -463,9 +470,8 @@ impl<'a> Assembler<'a> {
         for layer in self.plan.layers_of(frame) {
             let mut missed = 0.0;
             self.each_sum(&[layer], |texel, value| {
-                let index = self.texels[texel].index as usize;
-                let cell = self.cell_map.grid().at(index % self.mask.width, index / self.mask.width);
-                if errors[cell] > COUNTED_ERRORS[0] {
+                let (x, y) = self.place(texel);
+                if errors[self.cell_map.grid().at(x, y)] > COUNTED_ERRORS[0] {
                     missed += value.variance() + value.squared_bias();
                 }
             })?;
@@ -492,27 +498,17 @@ impl<'a> Assembler<'a> {
     fn jumps(&self, errors: &Errors) -> Result<Option<(usize, Jump, Jump)>> {
         let light = |i: &usize| errors.frame(*i).mean();
         let brightest = (0..self.plan.times.len()).max_by(|a, b| light(a).total_cmp(&light(b)));
-        let Some(time) = brightest.filter(|_| self.seams.edges() > 0) else { return Ok(None) };
-        let mut images = [self.black(), self.black()];
+        let seams = &self.page.seams;
+        let Some(time) = brightest.filter(|_| seams.edges() > 0) else { return Ok(None) };
+        let [mut dilated, mut stitched] = [(); 2].map(|()| vec![[0.0; 3]; seams.texels().len()]);
         for layer in self.plan.layers_of(time) {
-            for (stitched, image) in images.iter_mut().enumerate() {
-                for &part in self.plan.held_parts_of(layer) {
-                    add(image, &self.part(layer, part, stitched == 1)?);
-                }
+            for &part in self.plan.held_parts_of(layer) {
+                let light = self.part(layer, part)?;
+                add(&mut dilated, &light.dilated_at_seams);
+                add(&mut stitched, &light.stitched_at_seams);
             }
         }
-        let jump = |image: &Image| self.seams.jump(image);
-        Ok(jump(&images[0]).zip(jump(&images[1])).map(|(before, after)| (self.seams.edges(), before, after)))
-    }
-}
-
-/// Whether an image holds no light.
-fn is_black(image: &Image) -> bool {
-    image.texels.iter().all(|texel| *texel == [0.0; 3])
-}
-
-fn add(to: &mut Image, what: &Image) {
-    for (t, w) in to.texels.iter_mut().zip(&what.texels) {
-        (0..3).for_each(|c| t[c] += w[c]);
+        let jumps = seams.jump_of(&dilated).zip(seams.jump_of(&stitched));
+        Ok(jumps.map(|(before, after)| (seams.edges(), before, after)))
     }
 }

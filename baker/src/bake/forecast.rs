@@ -7,6 +7,7 @@ use super::disk_space::{DiskSpace, IMAGE};
 use super::facts::density;
 use super::layout_estimate::{LayoutEstimate, cache_entries};
 use super::options::Integrator;
+use super::page_light::BAND;
 use super::prepare::Prepared;
 use super::rounds;
 use super::solve;
@@ -81,7 +82,7 @@ const PER_BLOCK: usize = 16;
 /// Bytes of a block and its surroundings in one layer, while it is denoised; of its neighbours; and of its
 /// light afterwards.
 const DENOISED_LAYER: u64 = 2_700_000;
-const DENOISED_NEIGHBOURS: u64 = 20_000_000;
+const DENOISED_NEIGHBOURS: u64 = 25_000_000;
 const DENOISED_RESULT: u64 = (BLOCK * BLOCK * size_of::<Filtered>()) as u64;
 /// Bytes of the program itself.
 const PROGRAM: u64 = 10 << 20;
@@ -102,14 +103,25 @@ pub fn forecast(prepared: &Prepared, layout: &LayoutEstimate) -> Result<Forecast
     let all: Vec<usize> = (0..plan.layers()).collect();
     let disk = DiskSpace::of(prepared, layout, &all);
     let (n, triangles) = (texels as u64, prepared.geometry.triangles.len() as u64);
-    // While frames are put together: three images (a part of a layer, the sum of all, that of the groups),
-    // the file of one, and what is known of texels.
-    let assembling = 4 * IMAGE * layout.virtual_texels() + 32 * n;
+    // From here on: of covered texels their place, light and piece, of all the mask and owners, and how gutters
+    // are filled.
+    let all_texels = layout.virtual_texels();
+    let known = 16 * n + 3 * all_texels + 8 * all_texels.saturating_sub(n).min(n);
+    // While frames are put together: bands of images, of up to three parts, of groups, and of sums where a
+    // page is one band, else of two.
+    let band = all_texels.min(BAND as u64);
+    let assembling = known + IMAGE * band * if band < all_texels { 3 } else { 6 };
     // While layers are denoised: where texels are; and for each thread, a block and its surroundings.
     let block = DENOISED_NEIGHBOURS
         + DENOISED_LAYER * layers.min(denoise::LAYERS_AT_ONCE as u64)
         + DENOISED_RESULT * layers.min(denoise::OPEN_FILES as u64);
-    let denoising = prepared.denoise.map_or(0, |_| 80 * n + block * rayon::current_num_threads() as u64);
+    let in_space = (blocks.len().min(denoise::BLOCKS_AT_ONCE) * denoise::BLOCK_BYTES) as u64;
+    let denoising = prepared
+        .denoise
+        .map_or(0, |_| known + 2 * n + in_space + block * rayon::current_num_threads() as u64);
+    // While the sun's visibility is found: texels by place and tile, and a page of normals, twice.
+    let page = u64::from(layout.size[0]) * u64::from(layout.size[1]);
+    let seeing = prepared.visibility_times.as_ref().map_or(0, |_| 12 * n + 12 * page);
     let entries = match prepared.integrator {
         Integrator::Cached => cache_entries(prepared, layout),
         Integrator::Path => 0,
@@ -137,7 +149,7 @@ pub fn forecast(prepared: &Prepared, layout: &LayoutEstimate) -> Result<Forecast
         layers_bytes: disk.traced + disk.filtered,
         work_bytes: disk.work,
         peak_bytes: disk.peak(),
-        memory_bytes: memory(triangles, assembling.max(cache).max(beside + denoising)),
+        memory_bytes: memory(triangles, assembling.max(cache).max(beside + denoising).max(seeing)),
         views: views(&prepared.scene.cameras, &prepared.geometry, atlas, tile, &ray_tracer),
         lit_tiles: lit_tiles(atlas, tile),
         escaping_rays: has_sky.then(|| escaping_rays(prepared, atlas, &ray_tracer, &bins, &blocks)),

@@ -6,7 +6,7 @@ use crate::{Error, Result};
 use bytemuck::Pod;
 use dataset::system::ReadExactAt;
 use std::fs::File;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -126,12 +126,44 @@ fn hasher(path: &Path) -> blake3::Hasher {
     hash
 }
 
-/// What stands before the checksum of the file that is to be called `path`, and is at `current_path` now;
-/// `None` where it is damaged or missing.
-pub fn content(path: &Path, current_path: &Path) -> Option<Vec<u8>> {
-    let mut bytes = std::fs::read(current_path).ok()?;
-    let (content, checksum) = bytes.split_last_chunk::<CHECKSUM>()?;
-    let is_whole = hasher(path).update(content).finalize() == *checksum;
-    bytes.truncate(bytes.len() - CHECKSUM);
-    is_whole.then_some(bytes)
+/// Whether the file that is to be called `path`, and is at `current_path` now, is there and undamaged.
+pub fn is_whole(path: &Path, current_path: &Path) -> bool {
+    read_checked(path, current_path, |_| ()).is_some()
+}
+
+/// The records before the checksum of the file that is to be called `path`, and is at `current_path` now;
+/// `None` where it is damaged or missing, or holds no whole number of them.
+pub fn records<T: Pod>(path: &Path, current_path: &Path) -> Option<Vec<T>> {
+    let length = std::fs::metadata(current_path).ok()?.len().checked_sub(CHECKSUM as u64)? as usize;
+    if !length.is_multiple_of(size_of::<T>()) {
+        return None;
+    }
+    let mut records = vec![T::zeroed(); length / size_of::<T>()];
+    let mut rest: &mut [u8] = bytemuck::cast_slice_mut(&mut records);
+    read_checked(path, current_path, |bytes| {
+        // (A file that has grown meanwhile fails by its checksum.)
+        let (part, after) = std::mem::take(&mut rest).split_at_mut_checked(bytes.len()).unwrap_or_default();
+        part.copy_from_slice(&bytes[..part.len()]);
+        rest = after;
+    })?;
+    rest.is_empty().then_some(records)
+}
+
+/// Gives what stands before a file's checksum piece by piece; `None` where it is not what was written.
+fn read_checked(path: &Path, current_path: &Path, mut each: impl FnMut(&[u8])) -> Option<()> {
+    /// Bytes at once; no less than a checksum.
+    const AT_ONCE: usize = 1 << 20;
+    let mut file = File::open(current_path).ok()?;
+    let mut left = file.metadata().ok()?.len().checked_sub(CHECKSUM as u64)?;
+    let (mut hash, mut bytes) = (hasher(path), vec![0; AT_ONCE]);
+    while left > 0 {
+        let piece = &mut bytes[..left.min(AT_ONCE as u64) as usize];
+        file.read_exact(piece).ok()?;
+        hash.update(piece);
+        each(piece);
+        left -= piece.len() as u64;
+    }
+    let mut checksum = [0; CHECKSUM];
+    file.read_exact(&mut checksum).ok()?;
+    (hash.finalize() == checksum).then_some(())
 }

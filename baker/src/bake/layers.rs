@@ -10,7 +10,7 @@
 //! BLAKE3 of the file's name and of all before. What does not fit it is not there, and made again.
 
 use super::json;
-use super::layer_file::{CHECKSUM, Partial, Source, content, file_name};
+use super::layer_file::{CHECKSUM, Partial, Source, file_name, is_whole, records};
 use super::rounds::Traced;
 use super::tracer::{BlockHistory, Tracer};
 use super::value::{Filtered, Stored, Value};
@@ -136,31 +136,25 @@ impl Layers {
 
     /// Whether a layer of these parts is there, whole, for `texels` texels.
     pub fn has(&self, digest: &str, texels: usize, parts: &[Part]) -> bool {
-        let is_whole = |&part: &Part| {
+        let is_there = |&part: &Part| {
             let (path, length) = (self.path(digest, part), texels * size_of::<Stored>() + CHECKSUM);
             let current_path = self.changes().current_path(&path);
             // (The length first: a layer of other texels need not be read.)
             let is_as_long = std::fs::metadata(&current_path).is_ok_and(|m| m.len() == length as u64);
-            is_as_long && content(&path, &current_path).is_some()
+            is_as_long && is_whole(&path, &current_path)
         };
-        parts.iter().all(is_whole)
+        parts.iter().all(is_there)
     }
 
     /// The covered texels of the page that `base` describes, if a bake left them.
     pub fn texels(&self, base: &str) -> Option<Vec<Texel>> {
         let path = self.texels_path(base);
-        let bytes = content(&path, &self.changes().current_path(&path))?;
-        bytes.len().is_multiple_of(size_of::<Texel>()).then(|| bytemuck::pod_collect_to_vec(&bytes))
+        records(&path, &self.changes().current_path(&path))
     }
 
     /// Goes through a part of a layer as traced, in the order of the texels.
     pub fn each(&self, digest: &str, part: Part, value: impl FnMut(usize, Value)) -> Result<()> {
         self.reader(digest, part)?.each(value)
-    }
-
-    /// Goes through a layer after a filter, in the order of the texels.
-    pub fn each_filtered(&self, layer: &FilteredLayer, value: impl FnMut(usize, Value)) -> Result<()> {
-        self.reader_of_filtered(layer)?.each(value)
     }
 
     /// A part of a layer as traced, to be read piece by piece.
@@ -174,6 +168,19 @@ impl Layers {
         Ok(LayerReader { traced: self.open(layer)?, filtered })
     }
 
+    /// A part of a layer, likewise: as a filter left it where there is such a one.
+    pub fn reader_of(
+        &self,
+        digest: &str,
+        part: Part,
+        filtered: Option<&FilteredLayer>,
+    ) -> Result<LayerReader> {
+        match filtered {
+            Some(filtered) if part == Part::Rest => self.reader_of_filtered(filtered),
+            _ => self.reader(digest, part),
+        }
+    }
+
     /// A part of a layer as traced, in the order of the texels.
     pub fn read(&self, digest: &str, part: Part) -> Result<Vec<Value>> {
         let mut values = Vec::new();
@@ -184,7 +191,7 @@ impl Layers {
     /// A layer after a filter, in the order of the texels.
     pub fn read_filtered(&self, layer: &FilteredLayer) -> Result<Vec<Value>> {
         let mut values = Vec::new();
-        self.each_filtered(layer, |_, value| values.push(value))?;
+        self.reader_of_filtered(layer)?.each(|_, value| values.push(value))?;
         Ok(values)
     }
 
@@ -228,7 +235,7 @@ impl Layers {
     pub fn has_filtered(&self, layer: &FilteredLayer, texels: usize) -> bool {
         let path = self.filtered_path(&layer.name);
         let length = (texels * size_of::<Filtered>() + CHECKSUM) as u64;
-        std::fs::metadata(&path).is_ok_and(|m| m.len() == length) && content(&path, &path).is_some()
+        std::fs::metadata(&path).is_ok_and(|m| m.len() == length) && is_whole(&path, &path)
     }
 
     /// Begins the file of a layer after a filter.
@@ -410,15 +417,42 @@ impl LayerReader {
     }
 
     /// Reads all texels, some at a time.
-    pub fn each(&self, mut value: impl FnMut(usize, Value)) -> Result<()> {
-        /// Texels at a time.
-        const AT_ONCE: usize = 1 << 14;
-        let texels = self.traced.texels();
-        for first in (0..texels).step_by(AT_ONCE) {
-            self.read(first..(first + AT_ONCE).min(texels), |i, v| value(first + i, v))?;
+    pub fn each(&self, value: impl FnMut(usize, Value)) -> Result<()> {
+        self.each_of(0..self.traced.texels(), value)
+    }
+
+    /// Reads some texels likewise: `value` is given their positions among all.
+    pub fn each_of(&self, positions: Range<usize>, mut value: impl FnMut(usize, Value)) -> Result<()> {
+        for some in at_once(positions) {
+            self.read(some.clone(), |i, v| value(some.start + i, v))?;
         }
         Ok(())
     }
+}
+
+/// Goes through all `texels`, with the sum of some parts of layers at each, every one times a colour. Of all
+/// of these some texels at a time are in memory.
+pub fn each_sum(
+    parts: &[(LayerReader, Rgb)],
+    texels: usize,
+    mut each: impl FnMut(usize, &Value),
+) -> Result<()> {
+    let mut sums = Vec::new();
+    for range in at_once(0..texels) {
+        sums.clear();
+        sums.resize(range.len(), Value::default());
+        for (reader, scale) in parts {
+            reader.read(range.clone(), |i, value| sums[i] = sums[i].plus(value.times(*scale)))?;
+        }
+        range.zip(&sums).for_each(|(texel, value)| each(texel, value));
+    }
+    Ok(())
+}
+
+/// Positions in parts that memory holds.
+fn at_once(positions: Range<usize>) -> impl Iterator<Item = Range<usize>> {
+    const AT_ONCE: usize = 1 << 14;
+    positions.clone().step_by(AT_ONCE).map(move |first| first..(first + AT_ONCE).min(positions.end))
 }
 
 /// What becomes of files of the folder, by their names, all at once.

@@ -2,6 +2,7 @@
 
 use crate::atlas::owners::Owners;
 use dataset::image::{Image, Mask};
+use std::ops::Range;
 
 /// Fills invalid texels around valid ones with the mean of their filled 8-neighbours, ring by ring. Linear in
 /// the layer's values, so layers may be dilated one by one and summed. Which texels are filled from which is
@@ -21,11 +22,17 @@ pub struct Dilation {
 impl Dilation {
     /// Finds what is filled from what within a distance (Chebyshev), in time proportional to the mask.
     pub fn new(mask: &Mask, owners: &Owners, distance: u32) -> Self {
-        let (width, height) = (mask.width, mask.height);
-        let owner = |texel: usize| owners.of(texel % width, texel / width);
+        Dilation::of_rows(mask, owners, distance, 0..mask.height)
+    }
+
+    /// The same in some rows, as if no others were there: right where [`Dilation::reach`] more rows are on
+    /// both sides, or the page ends.
+    pub fn of_rows(mask: &Mask, owners: &Owners, distance: u32, rows: Range<usize>) -> Self {
+        let (width, height) = (mask.width, rows.len());
+        let owner = |texel: usize| owners.of(texel % width, rows.start + texel / width);
         let of_one_chart = |a: usize, b: usize| owner(a).is_some_and(|chart| owner(b) == Some(chart));
         let mut fills = Vec::new();
-        let mut filled = mask.valid.clone();
+        let mut filled = mask.valid[rows.start * width..rows.end * width].to_vec();
         rings(&mut filled, (width, height), distance, of_one_chart, &mut fills);
         // (By now the rings of charts count as valid: all within the distance of a valid texel is filled, and
         // some beyond.)
@@ -33,10 +40,15 @@ impl Dilation {
         Dilation { width, height, fills }
     }
 
+    /// How far away what is filled within a distance may come from: first within charts, then beyond.
+    pub fn reach(distance: u32) -> usize {
+        2 * distance as usize
+    }
+
     /// Fills them, in time proportional to their number.
     ///
     /// # Panics
-    /// If the image is not of the mask's size.
+    /// If the image is not of the size of those rows of the mask.
     pub fn apply(&self, image: &mut Image) {
         assert_eq!((image.width, image.height), (self.width, self.height), "width and height of the image");
         for &(texel, bits) in &self.fills {

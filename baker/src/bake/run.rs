@@ -15,7 +15,7 @@ use super::json;
 use super::kept;
 use super::layers::{FilteredLayer, Layers, Texel};
 use super::layout_estimate::LayoutEstimate;
-use super::local_errors::CellMap;
+use super::local_errors::{CellMap, Pieces};
 use super::output::OutputFolder;
 use super::rounds::{Traced, guaranteed_samples};
 use super::state::SumKinds;
@@ -81,6 +81,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &dyn Observer) -> Res
     let check = options.check.map(|samples| run.check(&assembler, samples)).transpose()?;
 
     let mut stored = store(&prepared, &assembler, &mut writer, console)?;
+    drop(assembler);
     let sun = run.sunlight(&mut writer)?;
     let geometry = super::scene_glb::to_glb(&prepared.geometry, &atlas)?;
     let glb = writer.add("scene", "glb", &geometry.glb)?;
@@ -406,7 +407,17 @@ impl Run<'_> {
         let layers =
             held.map(|(&layer, filtered)| (&digests[layer], plan.held_parts_of(layer), filtered)).collect();
         let (frames, width) = (self.prepared.frames(chosen), self.atlas.width as usize);
-        Ok(target::StoredLight { folder, layers, frames, texels, valid, cell_map: self.cell_map, width })
+        let pieces = Pieces::of_texels(self.cell_map, width, texels.iter().map(|texel| texel.index as usize));
+        Ok(target::StoredLight {
+            folder,
+            layers,
+            frames,
+            texels,
+            valid,
+            cell_map: self.cell_map,
+            pieces,
+            width,
+        })
     }
 
     /// Traces some layers (ascending) and keeps them; if there are none to trace, gives the account of those
@@ -506,7 +517,7 @@ impl Run<'_> {
             let (mut files, mut normals) = (Vec::new(), Vec::new());
             sunlight.rays = visibility_baker.pages(console, |number, page| {
                 files.push(writer.add(&format!("visibility-{number}"), "vis", &page.visibility)?);
-                normals.push(writer.add(&format!("normals-{number}"), "png", &page.normals.to_png())?);
+                normals.push(writer.add(&format!("normals-{number}"), "png", &page.normals)?);
                 Ok(())
             })?;
             sunlight.visibility = Some(SunVisibility { minutes: visibility_times.minutes, files, normals });

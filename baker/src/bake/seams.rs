@@ -116,20 +116,33 @@ impl Seams {
         self.edges
     }
 
-    /// Texels at seams, baked ones and gutter.
-    pub fn texels(&self) -> usize {
-        self.system.texels().len()
+    /// Texels at seams, baked ones and gutter, by their indices on the page.
+    pub fn texels(&self) -> &[u32] {
+        self.system.texels()
     }
 
-    /// Changes gutter texels at seams, and baked ones a little, so that both sides agree. To be called after
-    /// dilation. Linear in the image, save that negative results become zero; the same whatever the number of
-    /// threads.
+    /// Of light at these texels after dilation: gutter texels changed, and baked ones a little, so that both
+    /// sides agree. Linear, save that negative results become zero; the same whatever the number of threads.
+    pub fn stitched(&self, light: &[[f32; 3]]) -> Vec<[f32; 3]> {
+        self.system.solve(light)
+    }
+
+    /// [`Seams::stitched`] within an image of the page.
     ///
     /// # Panics
     /// If the image is not of the atlas' size.
     pub fn stitch(&self, image: &mut Image) {
+        let stitched = self.stitched(&self.light_of(image));
+        self.texels().iter().zip(stitched).for_each(|(&texel, light)| image.texels[texel as usize] = light);
+    }
+
+    /// The light of an image at these texels.
+    ///
+    /// # Panics
+    /// If the image is not of the atlas' size.
+    pub fn light_of(&self, image: &Image) -> Vec<[f32; 3]> {
         assert_eq!((image.width, image.height), (self.width, self.height), "width and height of the image");
-        self.system.solve(image);
+        self.texels().iter().map(|&texel| image.texels[texel as usize]).collect()
     }
 
     /// The jump across all seams; `None` where there are none, zero where there is no light.
@@ -137,9 +150,13 @@ impl Seams {
     /// # Panics
     /// If the image is not of the atlas' size.
     pub fn jump(&self, image: &Image) -> Option<Jump> {
-        assert_eq!((image.width, image.height), (self.width, self.height), "width and height of the image");
+        self.jump_of(&self.light_of(image))
+    }
+
+    /// [`Seams::jump`] of the light at these texels.
+    pub fn jump_of(&self, at_seams: &[[f32; 3]]) -> Option<Jump> {
         let (mut length, mut square, mut magnitude, mut light) = (0.0, 0.0, 0.0, 0.0);
-        for (l, jump, sum) in self.system.jumps(image) {
+        for (l, jump, sum) in self.system.jumps(at_seams) {
             length += l;
             square += l * jump.iter().map(|j| j * j).sum::<f64>();
             magnitude += l * jump.iter().map(|j| j.abs()).sum::<f64>();

@@ -2,10 +2,9 @@
 //! for.
 
 use super::errors::{Parts, Sums};
-use super::layers::{FilteredLayer, Layers, Part, Texel};
+use super::layers::{FilteredLayer, Layers, Part, Texel, each_sum};
 use super::local_errors::{CellMap, LocalErrorSummary, Pieces};
 use super::unconverged::{TargetJudgement, UnconvergedCells};
-use super::value::Value;
 use crate::Result;
 
 /// Some layers of a page, and the frames that are made of them.
@@ -22,6 +21,8 @@ pub struct StoredLight<'a> {
     pub valid: Vec<bool>,
     /// Where cells are.
     pub cell_map: &'a CellMap,
+    /// Where the texels are among them.
+    pub pieces: Pieces,
     /// Width of the page.
     pub width: usize,
 }
@@ -29,21 +30,21 @@ pub struct StoredLight<'a> {
 impl StoredLight<'_> {
     /// Error and light of a frame, cell by cell.
     fn cells(&self, frame: usize) -> Result<Vec<Sums>> {
-        let mut sum = vec![Value::default(); self.texels.len()];
+        let mut readers = Vec::new();
         for &(layer, scale) in &self.frames[frame] {
             let (digest, parts, filtered) = &self.layers[layer];
-            let mut add = |i: usize, value: Value| sum[i] = sum[i].plus(value.times(scale));
             for &part in *parts {
-                match filtered {
-                    Some(filtered) if part == Part::Rest => self.folder.each_filtered(filtered, &mut add)?,
-                    _ => self.folder.each(digest, part, &mut add)?,
-                }
+                readers.push((self.folder.reader_of(digest, part, filtered.as_ref())?, scale));
             }
         }
-        let indices = self.texels.iter().map(|texel| texel.index as usize);
-        let pieces = Pieces::of_texels(self.cell_map, self.width, indices);
+        let mut sums = self.pieces.sums();
+        each_sum(&readers, self.texels.len(), |texel, value| {
+            if self.valid[texel] {
+                self.pieces.add_texel(texel, value, &mut sums);
+            }
+        })?;
         let mut cells = vec![Sums::default(); self.cell_map.grid().cells()];
-        pieces.add_some(|i| self.valid[i].then_some(sum[i]), &mut cells);
+        self.pieces.add_to_cells(&sums, &mut cells);
         Ok(cells)
     }
 

@@ -2,8 +2,16 @@
 
 use crate::scenes::Obj;
 use crate::{Stage, assert_same};
-use baker::bake::run::Integrator;
+use baker::bake::assemble::{Assembler, BakedParts, Stored};
+use baker::bake::layers::Layers;
+use baker::bake::local_errors::CellMap;
+use baker::bake::run::{Denoise, Integrator, Options, prepare};
+use baker::light::schedule::parse_hours;
+use baker::scene::Baked;
 use dataset::config::Light;
+use dataset::console::Console;
+use dataset::store::Writer;
+use std::f64::consts::TAU;
 
 /// Blocks that one page of this size is too small for, at the density of two.
 pub fn case() -> (Stage, String) {
@@ -61,4 +69,52 @@ fn two_pages_are_lit_again_without_a_ray() {
     let (_, fresh) = stage.bake(&text, "fresh", "12,21", |_| {});
     assert_same(&dataset, &fresh);
     assert!(dataset.verify(|| {}).faults.is_empty());
+}
+
+#[test]
+fn bands_of_any_height_give_the_same_images() {
+    // A closed ring of smooth facets, which charts must cut somewhere, on two pages of four bands each.
+    let sides = 48;
+    let floor = Obj::default().mesh("floor").floor([-4.0, 0.0, -4.0], 8.0, 8.0);
+    let mut ring = floor.mesh("ring");
+    for i in 0..sides {
+        let (sin, cos) = (f64::from(i) / f64::from(sides) * TAU).sin_cos();
+        ring = ring.line(&format!("vn {cos} 0 {sin}"));
+        ring = ring.line(&format!("v {} 0 {}\nv {} 2 {}", 2.0 * cos, 2.0 * sin, 2.0 * cos, 2.0 * sin));
+    }
+    for i in 0..sides {
+        // (The floor has the first four vertices.)
+        let corner = |i: i32, top: i32| format!("{}//{}", 5 + 2 * (i % sides) + top, 1 + i % sides);
+        let [a, b, c, d] = [corner(i, 0), corner(i, 1), corner(i + 1, 1), corner(i + 1, 0)];
+        ring = ring.line(&format!("f {a} {b} {c} {d}"));
+    }
+    let (stage, text) = case();
+    stage.write("ground.obj", &ring.bytes());
+    let text = text.replace("size = [48, 40]", "size = [80, 256]");
+    stage.bake(&text, "set", "12,21", |options| options.denoise = Denoise::Own);
+    let options = Options {
+        out: Some(stage.path("set")),
+        denoise: Denoise::Own,
+        ..Options::new(parse_hours("12,21").unwrap())
+    };
+    let prepared = prepare(&stage.path("case.toml"), &options, &Console::silent()).unwrap();
+    let (atlas, _) = prepared.atlas().unwrap();
+    let layers = Layers::new(&stage.path("set"));
+    let cell_map = CellMap::seeing_nothing(&atlas);
+    let baked = BakedParts { sun: Baked::All, sky: Baked::All, groups: vec![Baked::All] };
+    let stored = |band: usize| {
+        let texels = layers.texels(&prepared.base()).expect("the layers' texels");
+        let (plan, folder) = (&prepared.plan, (&layers, &prepared.digests[..]));
+        let assembler =
+            Assembler::in_bands(plan, &prepared.geometry, &atlas, folder, texels, &cell_map, (2, band))
+                .unwrap();
+        let out = tempfile::tempdir().unwrap();
+        assembler.store(&mut Writer::create(out.path()).unwrap(), &baked, || {}).unwrap()
+    };
+    let (whole, bands) = (stored(usize::MAX / 2), stored(1));
+    assert!(whole.seams.is_some_and(|(edges, ..)| edges > 0), "no seams: {:?}", whole.seams);
+    assert!(whole.frames.len() >= 2 && whole.pages.len() == 2);
+    let images = |stored: &Stored| (stored.frames.clone(), stored.daylight.clone(), stored.groups.clone());
+    assert_eq!(images(&whole), images(&bands));
+    assert_eq!(format!("{:?}", whole.seams), format!("{:?}", bands.seams));
 }

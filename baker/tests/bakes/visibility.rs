@@ -10,6 +10,7 @@ use baker::light::visibility_times::{VisibilityTimes, sun_path};
 use baker::surface::FaceBins;
 use baker::trace::path::Transport;
 use dataset::console::Console;
+use dataset::normals::Normals;
 use dataset::visibility::{Between, Visibility};
 use std::path::Path;
 
@@ -63,13 +64,16 @@ fn find(prepared: &Prepared, layers: &Layers, texels: &[Texel], minutes: f64, fo
 fn rebuilt(prepared: &Prepared, page: &Page, file: &Path, texels: &[Texel], hour: f64) -> Vec<[f32; 3]> {
     std::fs::write(file, &page.visibility).unwrap();
     let opened = Visibility::open(file).unwrap();
+    let file_of_normals = file.with_extension("png");
+    std::fs::write(&file_of_normals, &page.normals).unwrap();
+    let normals = Normals::read_png(&file_of_normals).unwrap().normals;
     let scene = &prepared.scene;
     let path = sun_path(scene.sun.as_ref().unwrap(), scene.location.as_ref(), DAY);
     let (between, planes) = (Between::new(&opened.hours, hour), opened.tile(0).unwrap());
     let of_texel = |texel: &Texel| {
         // (The page is less than a tile.)
         let at = texel.index as usize;
-        let normal = page.normals.normals[at];
+        let normal = normals[at];
         let [before, after] = [between.before, between.after].map(|time| planes.level(at, time));
         let part = |c: usize| between.lerp(f32::from(before[c]), f32::from(after[c])) / f32::from(opened.top);
         path.light(hour, normal, std::array::from_fn(part))

@@ -2,7 +2,7 @@
 
 use super::{DATA, HASH_DIGITS, Writer, content_hash, plain_stem};
 use crate::config::FileRef;
-use crate::{Error, Result, files};
+use crate::{Error, Result, files, image};
 use std::fs::{self, File};
 use std::io::{BufReader, BufWriter, Seek};
 use std::path::{Path, PathBuf};
@@ -43,6 +43,24 @@ impl Writer {
         staged.bytes = hasher.count();
         staged.blake3 = hasher.finalize().to_hex().to_string();
         Ok(staged)
+    }
+
+    /// Adds an EXR file as [`Writer::add`] does, of an image that need not be in memory, nor its file:
+    /// `fill(y, row)` writes the texels of row y, from the top to the bottom.
+    ///
+    /// # Errors
+    /// `Io`; an error of `fill`, which ends the writing.
+    ///
+    /// # Panics
+    /// If the image has no texels.
+    pub fn add_exr(
+        &mut self,
+        stem: &str,
+        size: (usize, usize),
+        fill: impl FnMut(usize, &mut [[f32; 3]]) -> Result<()>,
+    ) -> Result<FileRef> {
+        let staged = self.stage(|path, out| image::write_exr(path, out, size, fill))?;
+        self.adopt(staged, stem, "exr")
     }
 
     /// Names a staged file as [`Writer::add`] does, or finds that content among what this writer added.

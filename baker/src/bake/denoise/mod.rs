@@ -10,6 +10,7 @@
 //! gutter of the page, and does cross seams. Work goes block by block, and holds of the layers what the block
 //! and its surroundings need.
 
+mod blocks_in_space;
 mod kernels;
 mod mix;
 mod neighbours;
@@ -21,6 +22,7 @@ use super::layers::{FilteredLayer, Layers, Part, Texel};
 use super::value::{Filtered, Value};
 use crate::trace::counts::RayCounts;
 use crate::{Result, Rgb};
+pub use blocks_in_space::{BLOCK_BYTES, BLOCKS_AT_ONCE};
 use dataset::observe::Observer;
 use dataset::signals::stop_if_interrupted;
 use kernels::{ERROR_RADIUS, FILTERS, Kernel};
@@ -30,7 +32,6 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::ops::Range;
-use std::sync::Mutex;
 use std::time::Instant;
 
 /// Names the method: other filters are other files.
@@ -133,8 +134,7 @@ fn run(
         next += worker.surface(block).covered().count();
         blocks.push((block, from as u32..next as u32));
     }
-    let (texels_in_space, rays) = TexelsInSpace::find(worker, &blocks, texels, valid);
-    let unused = Mutex::new(Vec::new());
+    let (texels_in_space, rays) = TexelsInSpace::find(worker, &blocks, texels, valid, layers.root())?;
     let passes = filtered.chunks(OPEN_FILES);
     let progress = console.progress("denoising", (filtered.len() * blocks.len()) as u64);
     for layers_of_pass in passes {
@@ -144,18 +144,15 @@ fn run(
         // (As many at once as there are threads: what is done waits in memory for what comes before it.)
         for some in blocks.chunks(rayon::current_num_threads()) {
             let done = some.par_iter().map(|(_, block)| {
-                let used = unused.lock().expect("no thread panics while it takes one").pop();
-                let mut loaded_index = used.unwrap_or_else(|| vec![NOT_LOADED; texels.len()]);
-                let block = Block::new(&texels_in_space, block.clone());
+                let block = Block::new(&texels_in_space, block.clone())?;
                 let mut values = Vec::with_capacity(sources.len());
                 for batch in sources.chunks(LAYERS_AT_ONCE) {
                     stop_if_interrupted()?;
                     let batch_values: Vec<_> =
                         batch.iter().map(|layer| layer.read_at(&block.all)).collect::<Result<_>>()?;
-                    values.extend(block.filter(&batch_values, &mut loaded_index));
+                    values.extend(block.filter(&batch_values));
                     progress.advance(batch.len() as u64);
                 }
-                unused.lock().expect("no thread panics while it gives one back").push(loaded_index);
                 Ok(values)
             });
             for block in done.collect::<Result<Vec<Vec<Vec<Filtered>>>>>()? {
@@ -169,9 +166,6 @@ fn run(
     Ok(rays)
 }
 
-/// Not at hand.
-const NOT_LOADED: u32 = u32::MAX;
-
 /// The neighbours of some texels.
 struct Surroundings {
     /// The texels, ascending.
@@ -181,15 +175,15 @@ struct Surroundings {
 }
 
 impl Surroundings {
-    fn new(texels_in_space: &TexelsInSpace, texels: Vec<u32>) -> Self {
+    fn new(texels_in_space: &TexelsInSpace, texels: Vec<u32>) -> Result<Self> {
         let (mut neighbours, mut starts, mut found) = (Vec::new(), vec![0], Vec::new());
         let mut nearby = Nearby::default();
         for &texel in &texels {
-            texels_in_space.neighbours(texel, &mut nearby, &mut found);
+            texels_in_space.neighbours(texel, &mut nearby, &mut found)?;
             neighbours.extend_from_slice(&found);
             starts.push(neighbours.len());
         }
-        Surroundings { texels, neighbours, starts }
+        Ok(Surroundings { texels, neighbours, starts })
     }
 
     /// The neighbours of one of them.
@@ -214,41 +208,68 @@ struct Block {
     estimated: Surroundings,
     /// The neighbours of all those, ascending.
     all: Vec<usize>,
+    /// Where the texels whose errors are estimated stand in `all`; and all their neighbours.
+    loaded_index: Vec<u32>,
+    loaded_neighbours: Vec<u32>,
 }
 
 impl Block {
-    fn new(texels_in_space: &TexelsInSpace, own: Range<u32>) -> Self {
-        let estimated = Surroundings::new(texels_in_space, own.clone().collect()).all(ERROR_RADIUS);
-        let estimated = Surroundings::new(texels_in_space, estimated);
-        let all = estimated.all(REACH).into_iter().map(|texel| texel as usize).collect();
-        Block { own, estimated, all }
+    fn new(texels_in_space: &TexelsInSpace, own: Range<u32>) -> Result<Self> {
+        let estimated = Surroundings::new(texels_in_space, own.clone().collect())?.all(ERROR_RADIUS);
+        let estimated = Surroundings::new(texels_in_space, estimated)?;
+        let all = estimated.all(REACH);
+        let positions = Positions::of(&all);
+        let loaded_index = estimated.texels.iter().map(|&texel| positions.find(texel)).collect();
+        let loaded_neighbours = estimated.neighbours.iter().map(|n| positions.find(n.texel)).collect();
+        let all = all.into_iter().map(|texel| texel as usize).collect();
+        Ok(Block { own, estimated, all, loaded_index, loaded_neighbours })
     }
 
-    /// Filters layers, given their values at `all`: per layer, the block's texels. `loaded_index`: per
-    /// covered texel of the page, [`NOT_LOADED`].
-    fn filter(&self, values: &[Vec<Value>], loaded_index: &mut [u32]) -> Vec<Vec<Filtered>> {
+    /// Filters layers, given their values at `all`: per layer, the block's texels.
+    fn filter(&self, values: &[Vec<Value>]) -> Vec<Vec<Filtered>> {
         let light: Vec<Vec<Halves>> =
             values.iter().map(|values| values.iter().map(halves).collect()).collect();
-        self.all.iter().enumerate().for_each(|(i, &texel)| loaded_index[texel] = i as u32);
-        let out = LoadedBlock {
-            estimated: &self.estimated,
-            block: self.own.clone(),
-            loaded_index,
-            values,
-            light: &light,
+        LoadedBlock { block: self, values, light: &light }.filter_block()
+    }
+}
+
+/// Where numbers stand in an ascending list of them: a table in pieces, of which most are not needed.
+struct Positions {
+    piece_of: Vec<u32>,
+    positions: Vec<u32>,
+}
+
+impl Positions {
+    /// Numbers that share a piece.
+    const PIECE: u32 = 4096;
+
+    fn of(list: &[u32]) -> Self {
+        let pieces = list.last().map_or(0, |last| last / Self::PIECE + 1);
+        let mut positions = Positions { piece_of: vec![0; pieces as usize], positions: Vec::new() };
+        for some in list.chunk_by(|a, b| a / Self::PIECE == b / Self::PIECE) {
+            let piece = positions.positions.len() as u32;
+            positions.piece_of[(some[0] / Self::PIECE) as usize] = piece;
+            positions.positions.resize((piece + Self::PIECE) as usize, u32::MAX);
         }
-        .filter_block();
-        self.all.iter().for_each(|&texel| loaded_index[texel] = NOT_LOADED);
-        out
+        for (&number, position) in list.iter().zip(0..) {
+            let place = positions.place(number);
+            positions.positions[place] = position;
+        }
+        positions
+    }
+
+    fn place(&self, number: u32) -> usize {
+        (self.piece_of[(number / Self::PIECE) as usize] + number % Self::PIECE) as usize
+    }
+
+    fn find(&self, number: u32) -> u32 {
+        self.positions[self.place(number)]
     }
 }
 
 /// A block and its surroundings.
 struct LoadedBlock<'a> {
-    estimated: &'a Surroundings,
-    block: Range<u32>,
-    /// Per covered texel of the page, its index in what follows.
-    loaded_index: &'a [u32],
+    block: &'a Block,
     /// By layer and index.
     values: &'a [Vec<Value>],
     light: &'a [Vec<Halves>],
@@ -275,16 +296,17 @@ impl LoadedBlock<'_> {
 
     #[inline(always)]
     fn filter_block_portable(&self) -> Vec<Vec<Filtered>> {
-        let is_own = |texel: u32| self.block.contains(&texel);
+        let Block { own: own_texels, estimated, .. } = self.block;
+        let is_own = |texel: u32| own_texels.contains(&texel);
         let layers: Vec<usize> = (0..self.values.len())
             .filter(|&layer| self.values[layer].iter().any(|value| value.noise != Rgb::ZERO))
             .collect();
-        let own = self.estimated.texels.iter().filter(|&&texel| is_own(texel)).count();
+        let own = estimated.texels.iter().filter(|&&texel| is_own(texel)).count();
         let count = self.light.first().map_or(0, Vec::len);
         let mut errors = vec![vec![ErrorMatrix::NONE; count]; layers.len()];
         let mut filtered = vec![Vec::with_capacity(own); layers.len()];
         let (mut kernel, mut at, mut lights) = (Kernel::new(), Vec::new(), Vec::new());
-        for (i, &texel) in self.estimated.texels.iter().enumerate() {
+        for (i, &texel) in estimated.texels.iter().enumerate() {
             let own_index = self.find(i, &mut kernel, &mut at);
             for (k, &layer) in layers.iter().enumerate() {
                 let result = filter(&kernel, &at, &self.light[layer]);
@@ -298,7 +320,7 @@ impl LoadedBlock<'_> {
             }
         }
         let mut out = vec![Vec::with_capacity(own); self.values.len()];
-        let of_own = (0..self.estimated.texels.len()).filter(|&i| is_own(self.estimated.texels[i]));
+        let of_own = (0..estimated.texels.len()).filter(|&i| is_own(estimated.texels[i]));
         for (number, i) in of_own.enumerate() {
             let own_index = self.find(i, &mut kernel, &mut at);
             // What has no noise, and what has no neighbours, stays as it is.
@@ -324,11 +346,12 @@ impl LoadedBlock<'_> {
 
     /// Finds the weights and indices of the neighbours of one of the estimated texels, and its own index.
     fn find(&self, i: usize, kernel: &mut Kernel, at: &mut Vec<usize>) -> usize {
-        let neighbours = self.estimated.of(i);
-        kernel.find(neighbours);
+        let Block { estimated, loaded_index, loaded_neighbours, .. } = self.block;
+        kernel.find(estimated.of(i));
         at.clear();
-        at.extend(neighbours.iter().map(|neighbour| self.loaded_index[neighbour.texel as usize] as usize));
-        self.loaded_index[self.estimated.texels[i] as usize] as usize
+        let neighbours = &loaded_neighbours[estimated.starts[i]..estimated.starts[i + 1]];
+        at.extend(neighbours.iter().map(|&i| i as usize));
+        loaded_index[i] as usize
     }
 }
 

@@ -1,15 +1,19 @@
 //! Where texels lie in space, and which of them are near enough to a texel, and like enough, to say something
 //! of its light.
 
+use super::blocks_in_space::{BlocksInSpace, BlocksWriter};
+use crate::Result;
 use crate::atlas::Atlas;
 use crate::bake::block::{Worker, indices};
 use crate::bake::layers::Texel;
 use crate::surface::BlockSurface;
 use crate::trace::counts::RayCounts;
 use crate::trace::space::Receiver;
+use bytemuck::{Pod, Zeroable};
 use glam::{IVec3, Vec2, Vec3};
 use rayon::prelude::*;
 use std::ops::Range;
+use std::path::Path;
 
 /// How far neighbours are looked for, in texels: some 200 on flat surfaces.
 pub const REACH: f32 = 8.0;
@@ -30,11 +34,12 @@ const RISE: f32 = 1.0 / 32.0;
 const STEPS_PER_TEXEL: f32 = 255.0 / REACH;
 
 /// A texel in space.
-#[derive(Clone, Copy, Debug)]
-struct TexelInSpace {
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct TexelInSpace {
     position: Vec3,
     normal: Vec3,
-    /// The length of a texel.
+    /// The length of a texel; 0 for invalid ones.
     size: f32,
     /// How far one sees along the surface, by sector.
     free_distances: [u8; SECTORS],
@@ -42,14 +47,12 @@ struct TexelInSpace {
 
 /// The covered texels of a page in space. Invalid ones have no neighbours, and are neighbours of none.
 pub struct TexelsInSpace {
-    texels: Vec<TexelInSpace>,
-    /// Valid texels, by the key of the box of space that holds them.
-    sorted: Vec<(Key, u32)>,
+    blocks: BlocksInSpace,
 }
 
 /// A box of space: the octave of the texel's size, and the box among those of that octave, along z last.
 /// (Very far boxes share a key: distances tell what is in them apart.)
-type Key = u64;
+pub type Key = u64;
 
 /// Texels near a place, kept for the next one beside it.
 #[derive(Default)]
@@ -57,7 +60,9 @@ pub struct Nearby {
     octave: i16,
     middle: Vec3,
     radius: f32,
-    texels: Vec<(Vec3, u32)>,
+    /// Where they are, with their index among the others.
+    positions: Vec<(Vec3, u32)>,
+    texels: Vec<(TexelInSpace, u32)>,
 }
 
 /// A neighbour.
@@ -72,13 +77,20 @@ pub struct Neighbour {
 }
 
 impl TexelsInSpace {
-    /// Finds where the texels of some blocks lie in space; some of them are `valid`.
+    /// Finds where the texels of some blocks lie in space; some of them are `valid`. The answers lie in a
+    /// nameless file in a folder.
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`].
     pub fn find(
         worker: &Worker,
         blocks: &[(usize, Range<u32>)],
         texels: &[Texel],
         valid: impl Fn(usize) -> bool + Sync,
-    ) -> (Self, RayCounts) {
+        folder: &Path,
+    ) -> Result<(Self, RayCounts)> {
+        /// Blocks whose texels are found at once, per thread.
+        const AT_ONCE: usize = 4;
         let of_block = |(block, range): &(usize, Range<u32>)| {
             let (surface, mut counts) = (worker.surface(*block), RayCounts::default());
             let texel_in_space = |(i, texel): (u32, usize)| match valid(i as usize) {
@@ -89,55 +101,40 @@ impl TexelsInSpace {
                 range.clone().zip(surface.covered()).map(texel_in_space).collect();
             (texels_in_space, counts)
         };
-        let found: Vec<_> = blocks.par_iter().map(of_block).collect();
+        let mut writer = BlocksWriter::create(folder)?;
         let mut counts = RayCounts::default();
-        let mut texels_in_space = Vec::with_capacity(texels.len());
-        for (of_block, of_rays) in found {
-            texels_in_space.extend(of_block);
-            counts += of_rays;
+        for some in blocks.chunks(AT_ONCE * rayon::current_num_threads()) {
+            let found: Vec<_> = some.par_iter().map(of_block).collect();
+            for (of_block, of_rays) in found {
+                writer.push(&of_block)?;
+                counts += of_rays;
+            }
         }
-        (Self::new(texels_in_space), counts)
-    }
-
-    fn new(texels_in_space: Vec<Option<TexelInSpace>>) -> Self {
-        let keys = texels_in_space.iter().enumerate();
-        let mut sorted: Vec<(Key, u32)> =
-            keys.filter_map(|(i, texel_in_space)| Some((key(texel_in_space.as_ref()?), i as u32))).collect();
-        sorted.par_sort_unstable();
-        let without_size = TexelInSpace {
-            position: Vec3::ZERO,
-            normal: Vec3::ZERO,
-            size: 0.0,
-            free_distances: [0; SECTORS],
-        };
-        TexelsInSpace {
-            texels: texels_in_space
-                .into_iter()
-                .map(|texel_in_space| texel_in_space.unwrap_or(without_size))
-                .collect(),
-            sorted,
-        }
+        Ok((TexelsInSpace { blocks: writer.finish()? }, counts))
     }
 
     /// The neighbours of a texel, itself first. An invalid texel has none.
-    pub fn neighbours(&self, texel: u32, nearby: &mut Nearby, out: &mut Vec<Neighbour>) {
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`].
+    pub fn neighbours(&self, texel: u32, nearby: &mut Nearby, out: &mut Vec<Neighbour>) -> Result<()> {
         out.clear();
-        let texel_in_space = &self.texels[texel as usize];
+        let texel_in_space = &self.blocks.texel(texel)?;
         if texel_in_space.size <= 0.0 {
-            return;
+            return Ok(());
         }
         let octave = octave(texel_in_space);
         let reach = REACH * texel_in_space.size;
         if nearby.octave != octave || texel_in_space.position.distance(nearby.middle) + reach > nearby.radius
         {
-            self.gather(octave, texel_in_space.position, 1.5 * reach, nearby);
+            self.gather(octave, texel_in_space.position, 1.5 * reach, nearby)?;
         }
         let pair = texel_in_space.normal.any_orthonormal_pair();
         let near = nearby
-            .texels
+            .positions
             .iter()
             .filter(|(at, _)| at.distance_squared(texel_in_space.position) <= reach * reach);
-        out.extend(near.filter_map(|&(_, other)| self.neighbour(texel_in_space, other, pair)));
+        out.extend(near.filter_map(|&(_, i)| texel_in_space.neighbour(&nearby.texels[i as usize], pair)));
         if out.len() > MAX_NEIGHBOURS {
             out.sort_unstable_by_key(|n| (n.texel != texel, n.squared.to_bits(), n.texel));
             out.truncate(MAX_NEIGHBOURS);
@@ -147,16 +144,15 @@ impl TexelsInSpace {
             // (Boxes so far off that their keys begin anew.)
             None => out.clear(),
         }
+        Ok(())
     }
 
     /// Gathers the texels near a place of the octave, of like size.
-    fn gather(&self, octave: i16, middle: Vec3, radius: f32, nearby: &mut Nearby) {
+    fn gather(&self, octave: i16, middle: Vec3, radius: f32, nearby: &mut Nearby) -> Result<()> {
         (nearby.octave, nearby.middle, nearby.radius) = (octave, middle, radius);
         nearby.texels.clear();
         for octave in octave - 1..=octave + 1 {
-            let from = |octave| self.sorted.partition_point(|(key, _)| *key < first_key(octave));
-            let of_octave = &self.sorted[from(octave)..from(octave + 1)];
-            if of_octave.is_empty() {
+            if !self.blocks.holds(first_key(octave)..first_key(octave + 1)) {
                 continue;
             }
             let side = box_side(octave);
@@ -165,51 +161,56 @@ impl TexelsInSpace {
             // (The last coordinate varies fastest: boxes along it stand together.)
             for (x, y) in (low.x..=high.x).flat_map(|x| (low.y..=high.y).map(move |y| (x, y))) {
                 let [first, last] = [low.z, high.z].map(|z| pack(octave, IVec3::new(x, y, z)));
-                let from = of_octave.partition_point(|(key, _)| *key < first);
-                let boxes = of_octave[from..].iter().take_while(|(key, _)| *key <= last);
-                let texel_in_space =
-                    |(_, texel): &(Key, u32)| (self.texels[*texel as usize].position, *texel);
-                let is_near = |(at, _): &(Vec3, u32)| at.distance_squared(middle) <= radius * radius;
-                nearby.texels.extend(boxes.map(texel_in_space).filter(is_near));
+                self.blocks.each_in(first..last + 1, |texel, texel_in_space| {
+                    if texel_in_space.position.distance_squared(middle) <= radius * radius {
+                        nearby.texels.push((*texel_in_space, texel));
+                    }
+                })?;
             }
         }
+        nearby.positions.clear();
+        nearby.positions.extend(nearby.texels.iter().map(|(texel, _)| texel.position).zip(0..));
+        Ok(())
+    }
+}
+
+impl TexelInSpace {
+    /// An invalid one.
+    pub const INVALID: TexelInSpace =
+        TexelInSpace { position: Vec3::ZERO, normal: Vec3::ZERO, size: 0.0, free_distances: [0; SECTORS] };
+
+    /// The key of the box that holds it.
+    pub fn key(&self) -> Key {
+        let octave = octave(self);
+        pack(octave, (self.position / box_side(octave)).floor().as_ivec3())
     }
 
+    /// Another texel as its neighbour, if it is one.
     fn neighbour(
         &self,
-        texel_in_space: &TexelInSpace,
-        texel: u32,
+        &(ref other, texel): &(TexelInSpace, u32),
         (tangent, bitangent): (Vec3, Vec3),
     ) -> Option<Neighbour> {
-        let other = &self.texels[texel as usize];
-        let way = (other.position - texel_in_space.position) / texel_in_space.size;
+        let way = (other.position - self.position) / self.size;
         let distance2 = way.length_squared();
-        let squared =
-            distance2 + PER_NORMAL * PER_NORMAL * other.normal.distance_squared(texel_in_space.normal);
+        let squared = distance2 + PER_NORMAL * PER_NORMAL * other.normal.distance_squared(self.normal);
         if squared > REACH * REACH {
             return None;
         }
         let distance = distance2.sqrt();
-        let off = way.dot(texel_in_space.normal).abs().max(way.dot(other.normal).abs());
+        let off = way.dot(self.normal).abs().max(way.dot(other.normal).abs());
         let is_on_plane = off <= MOST_OFF_PLANE[0] + MOST_OFF_PLANE[1] * distance;
         let along = [way.dot(tangent), way.dot(bitangent)];
         let is_seen = || {
             let sees_back = || {
                 let (tangent, bitangent) = other.normal.any_orthonormal_pair();
-                other.sees(
-                    -way.dot(tangent),
-                    -way.dot(bitangent),
-                    distance * texel_in_space.size / other.size,
-                )
+                other.sees(-way.dot(tangent), -way.dot(bitangent), distance * self.size / other.size)
             };
-            texel_in_space.sees(along[0], along[1], distance)
-                && (other.free_distances == UNBLOCKED || sees_back())
+            self.sees(along[0], along[1], distance) && (other.free_distances == UNBLOCKED || sees_back())
         };
         (is_on_plane && (distance2 == 0.0 || is_seen())).then_some(Neighbour { texel, squared, along })
     }
-}
 
-impl TexelInSpace {
     /// Whether nothing stands between it and what lies in this direction, at this distance in texels.
     fn sees(&self, along: f32, across: f32, distance: f32) -> bool {
         if self.free_distances == UNBLOCKED {
@@ -263,11 +264,6 @@ fn pack(octave: i16, at: IVec3) -> Key {
     const BITS: u32 = 18;
     let bits = |v: i32| v.wrapping_add(1 << (BITS - 1)) as u64 & ((1 << BITS) - 1);
     first_key(octave) | bits(at.x) << (2 * BITS) | bits(at.y) << BITS | bits(at.z)
-}
-
-fn key(texel_in_space: &TexelInSpace) -> Key {
-    let octave = octave(texel_in_space);
-    pack(octave, (texel_in_space.position / box_side(octave)).floor().as_ivec3())
 }
 
 /// Where a texel lies: the mean of its probed points that are surface; none where that has no size.
@@ -330,7 +326,10 @@ pub mod tests {
                 free_distances,
             })
         };
-        TexelsInSpace::new((0..n * n).map(texel_in_space).collect())
+        let mut writer = BlocksWriter::create(&std::env::temp_dir()).unwrap();
+        let texels: Vec<_> = (0..n * n).map(texel_in_space).collect();
+        texels.chunks(200).for_each(|block| writer.push(block).unwrap());
+        TexelsInSpace { blocks: writer.finish().unwrap() }
     }
 
     #[test]
@@ -347,7 +346,7 @@ pub mod tests {
         let texels_in_space = floor(n, false);
         let (mut nearby, mut found) = (Nearby::default(), Vec::new());
         for texel in 0..(n * n) as u32 {
-            texels_in_space.neighbours(texel, &mut nearby, &mut found);
+            texels_in_space.neighbours(texel, &mut nearby, &mut found).unwrap();
             let (x, z) = (texel as i32 % n, texel as i32 / n);
             let near = |i: &i32| (i % n - x).pow(2) + (i / n - z).pow(2) <= 64;
             let mut expected: Vec<u32> = (0..n * n).filter(near).map(|i| i as u32).collect();
@@ -367,7 +366,7 @@ pub mod tests {
         let texels_in_space = floor(n, true);
         let (mut nearby, mut found) = (Nearby::default(), Vec::new());
         for texel in 0..(n * n) as u32 {
-            texels_in_space.neighbours(texel, &mut nearby, &mut found);
+            texels_in_space.neighbours(texel, &mut nearby, &mut found).unwrap();
             let side = |i: u32| i as i32 % n - n / 2 > 0;
             assert!(found.iter().all(|other| side(other.texel) == side(texel)));
             assert!(found.len() > 20, "{}", found.len());

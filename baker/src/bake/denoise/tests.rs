@@ -40,14 +40,12 @@ fn filtered(values: &[Value], walled: bool) -> Vec<Value> {
 
 fn in_blocks(values: &[Value], walled: bool, blocks: &[Range<u32>]) -> Vec<Value> {
     let texels_in_space = floor(SIDE as i32, walled);
-    let mut loaded_index = vec![NOT_LOADED; values.len()];
     let of_block = |range: &Range<u32>| {
-        let block = Block::new(&texels_in_space, range.clone());
+        let block = Block::new(&texels_in_space, range.clone()).unwrap();
         let values: Vec<Value> = block.all.iter().map(|&i| values[i]).collect();
-        block.filter(&[values], &mut loaded_index).remove(0)
+        block.filter(&[values]).remove(0)
     };
     let stored: Vec<Filtered> = blocks.iter().flat_map(of_block).collect();
-    assert!(loaded_index.iter().all(|&index| index == NOT_LOADED));
     stored.iter().zip(values).map(|(stored, traced)| stored.value(traced)).collect()
 }
 
@@ -194,18 +192,9 @@ fn blocks_do_not_matter() {
 fn wider_vectors_give_the_same_bits() {
     let values = traced(|x, z| 1.0 + (x * z) as f32, rare(0.9, 7));
     let texels_in_space = floor(SIDE as i32, true);
-    let block = 0..(SIDE * SIDE) as u32;
-    let estimated = Surroundings::new(&texels_in_space, block.clone().collect());
-    let loaded_index: Vec<u32> = block.clone().collect();
+    let block = Block::new(&texels_in_space, 0..(SIDE * SIDE) as u32).unwrap();
     let light = [values.iter().map(halves).collect()];
-    let values = [values];
-    let loaded = LoadedBlock {
-        estimated: &estimated,
-        block,
-        loaded_index: &loaded_index,
-        values: &values,
-        light: &light,
-    };
+    let loaded = LoadedBlock { block: &block, values: &[values], light: &light };
     assert_eq!(loaded.filter_block(), loaded.filter_block_portable());
 }
 

@@ -1,6 +1,5 @@
 //! The least-squares problem of texels at seams, and its solution by conjugate gradients.
 
-use dataset::image::Image;
 use rayon::prelude::*;
 
 /// Stops when the residual has fallen by this factor in the norm of the preconditioner. Conjugate gradients
@@ -146,20 +145,22 @@ impl System {
         &self.texels
     }
 
-    /// Moves the texels of an image. What would fall below zero becomes zero.
-    pub fn solve(&self, image: &mut Image) {
-        let texel = |image: &Image, t: usize| image.texels[self.texels[t] as usize].map(f64::from);
+    /// The texels' light after they are moved, from what it is before. What would fall below zero becomes
+    /// zero.
+    pub fn solve(&self, light: &[[f32; 3]]) -> Vec<[f32; 3]> {
+        let texel = |t: usize| light[t].map(f64::from);
         let changes: Vec<Vec<Rgb>> =
-            self.islands.par_iter().map(|island| self.changes(island, |t| texel(image, t))).collect();
+            self.islands.par_iter().map(|island| self.changes(island, texel)).collect();
+        let mut solved = light.to_vec();
         for (island, changes) in self.islands.iter().zip(&changes) {
             for (t, change) in island.texels.clone().zip(changes) {
                 if self.inverse_diagonal[t] > 0.0 {
-                    let value = texel(image, t);
-                    image.texels[self.texels[t] as usize] =
-                        [0, 1, 2].map(|c| (value[c] + change[c]).max(0.0) as f32);
+                    let value = texel(t);
+                    solved[t] = [0, 1, 2].map(|c| (value[c] + change[c]).max(0.0) as f32);
                 }
             }
         }
+        solved
     }
 
     /// The changes of an island's texels.
@@ -233,12 +234,12 @@ impl System {
     }
 
     /// Per point with its length: the difference of both sides, and their sum.
-    pub fn jumps<'a>(&'a self, image: &'a Image) -> impl Iterator<Item = (f64, Rgb, Rgb)> + 'a {
+    pub fn jumps<'a>(&'a self, light: &'a [[f32; 3]]) -> impl Iterator<Item = (f64, Rgb, Rgb)> + 'a {
         self.roots.iter().enumerate().map(|(p, &root)| {
             let root = f64::from(root);
             let (mut jump, mut sum) = ([0.0; 3], [0.0; 3]);
             for &(texel, weight) in self.taps(p) {
-                let value = image.texels[self.texels[texel as usize] as usize];
+                let value = light[texel as usize];
                 let part = value.map(|v| f64::from(weight) * f64::from(v) / root);
                 (0..3).for_each(|c| jump[c] += part[c]);
                 (0..3).for_each(|c| sum[c] += part[c].abs());

@@ -21,7 +21,7 @@ use crate::trace::path::sun_sample;
 use crate::trace::sampler::{Sequence, SequenceKind};
 use crate::trace::visibility_sampler::VisibilitySampler;
 use crate::{Error, Result, Rgb};
-use dataset::normals::Normals;
+use dataset::normals::{png_of, samples_of};
 use dataset::observe::Observer;
 use dataset::signals::stop_if_interrupted;
 use dataset::tiles::{Rect, TILE, tiles};
@@ -49,8 +49,9 @@ const NORMAL_BYTES: usize = 6;
 pub struct Page {
     /// The bytes of its file.
     pub visibility: Vec<u8>,
-    /// Per texel, the mean of the shading normals there; 0 where there is no surface.
-    pub normals: Normals,
+    /// And of that of its normals: per texel, the mean of the shading normals there; 0 where there is no
+    /// surface.
+    pub normals: Vec<u8>,
 }
 
 /// Where the sun is seen from, over the time that is baked.
@@ -132,7 +133,7 @@ impl<'a> VisibilityBaker<'a> {
         let progress = console.progress("the sun's visibility", (rects.len() * atlas.pages as usize) as u64);
         let mut counts = RayCounts::default();
         for page in 0..atlas.pages as usize {
-            let mut normals = vec![[0.0; 3]; width * height];
+            let mut normals = vec![samples_of([0.0; 3]); width * height];
             let mut payloads = Vec::with_capacity(rects.len());
             let numbered: Vec<(usize, &Rect)> = rects.iter().enumerate().collect();
             // Several at once: what takes one thread in one of them leaves the others to the next.
@@ -149,7 +150,8 @@ impl<'a> VisibilityBaker<'a> {
                     counts += rays;
                     for (i, normal) in done.normals.iter().enumerate() {
                         let (x, y) = (rect.x0 + i % rect.width(), rect.y0 + i / rect.width());
-                        normals[y * width + x] = normal.map(|n| f32::from(n) / f32::from(i16::MAX));
+                        normals[y * width + x] =
+                            samples_of(normal.map(|n| f32::from(n) / f32::from(i16::MAX)));
                     }
                     payloads.push((done.payload, done.channels));
                 }
@@ -160,7 +162,7 @@ impl<'a> VisibilityBaker<'a> {
                 &self.times.hours,
                 &payloads,
             );
-            each(page, Page { visibility: bytes, normals: Normals { width, height, normals } })?;
+            each(page, Page { visibility: bytes, normals: png_of(&normals, width, height) })?;
         }
         Ok(counts)
     }

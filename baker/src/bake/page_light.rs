@@ -1,0 +1,208 @@
+//! Light on a page from the texels of layers: dilated and stitched, in bands of rows, so that what is in
+//! memory does not grow with the page's height.
+
+use super::layers::{LayerReader, Texel};
+use super::post::Dilation;
+use super::seams::Seams;
+use crate::atlas::Atlas;
+use crate::atlas::owners::Owners;
+use crate::geometry::Geometry;
+use crate::surface::BLOCK;
+use crate::{Result, Rgb};
+use dataset::image::{Image, Mask};
+use std::borrow::Cow;
+use std::ops::Range;
+
+/// Texels of a band, about.
+pub const BAND: usize = 1 << 23;
+
+/// Texels around valid ones that are filled at least: a whole block of those a chart owns.
+const LEAST_FILLED: u32 = 4;
+
+/// Texels of a band, row by row.
+pub type Texels<'a> = Cow<'a, [[f32; 3]]>;
+
+/// Where the covered texels of a page lie, and what is filled and stitched.
+pub struct PageLight<'a> {
+    atlas: &'a Atlas,
+    /// The covered texels.
+    pub texels: Vec<Texel>,
+    /// Valid texels of the virtual page.
+    pub mask: Mask,
+    /// Where charts meet.
+    pub seams: Seams,
+    bands: Vec<Band>,
+    rows_of_band: usize,
+}
+
+/// Rows that are in memory together.
+struct Band {
+    rows: Range<usize>,
+    /// With the rows around them that light may be filled in from.
+    window: Range<usize>,
+    /// The covered texels of the blocks that the window touches, by position.
+    positions: Range<usize>,
+    dilation: Dilation,
+    /// Texels at seams: the index in the band, and that in [`Seams::texels`].
+    at_seams: Vec<(u32, u32)>,
+}
+
+/// A part of a layer on the page, to be had band by band.
+pub struct PartLight {
+    reader: LayerReader,
+    scale: Rgb,
+    /// At the texels of seams, dilated only.
+    pub dilated_at_seams: Vec<[f32; 3]>,
+    /// And stitched.
+    pub stitched_at_seams: Vec<[f32; 3]>,
+    /// By page, whether any texel holds light.
+    pub is_lit: Vec<bool>,
+    /// All texels, where they are one band.
+    whole: Option<Vec<[f32; 3]>>,
+}
+
+impl<'a> PageLight<'a> {
+    /// Light is filled in up to `padding` texels around valid ones; bands have about so many texels.
+    pub fn new(
+        geometry: &Geometry,
+        atlas: &'a Atlas,
+        owners: &Owners,
+        (texels, mask): (Vec<Texel>, Mask),
+        padding: u32,
+        texels_of_band: usize,
+    ) -> Self {
+        let seams = Seams::new(geometry, atlas, &mask);
+        let distance = padding.max(LEAST_FILLED);
+        let (width, height) = (mask.width, mask.height);
+        let rows_of_band = (texels_of_band / width).max(1).next_multiple_of(BLOCK);
+        let first_in_block_row =
+            |row: usize| texels.partition_point(|texel| (texel.index as usize / width / BLOCK) < row);
+        let mut at_seams: Vec<(u32, u32)> = seams.texels().iter().copied().zip(0..).collect();
+        at_seams.sort_unstable();
+        let band = |start: usize| {
+            let rows = start..(start + rows_of_band).min(height);
+            let reach = Dilation::reach(distance);
+            let window = rows.start.saturating_sub(reach)..(rows.end + reach).min(height);
+            let [from, to] = [window.start / BLOCK, window.end.div_ceil(BLOCK)].map(first_in_block_row);
+            let before = |row: usize| at_seams.partition_point(|(texel, _)| (*texel as usize) < row * width);
+            let in_band = |&(texel, seam): &(u32, u32)| (texel - (rows.start * width) as u32, seam);
+            Band {
+                at_seams: at_seams[before(rows.start)..before(rows.end)].iter().map(in_band).collect(),
+                dilation: Dilation::of_rows(&mask, owners, distance, window.clone()),
+                positions: from..to,
+                window,
+                rows,
+            }
+        };
+        let bands = (0..height).step_by(rows_of_band).map(band).collect();
+        PageLight { atlas, texels, mask, seams, bands, rows_of_band }
+    }
+
+    /// Whether a covered texel is valid.
+    pub fn is_valid(&self, position: usize) -> bool {
+        self.mask.valid[self.texels[position].index as usize]
+    }
+
+    /// How many bands there are.
+    pub fn bands(&self) -> usize {
+        self.bands.len()
+    }
+
+    /// The band that a row of the virtual page is in, and its number there.
+    pub fn place_of_row(&self, y: usize) -> (usize, usize) {
+        (y / self.rows_of_band, y % self.rows_of_band)
+    }
+
+    /// A part of a layer, each texel times a colour: goes over it once, for the seams.
+    pub fn part(&self, reader: LayerReader, scale: Rgb) -> Result<PartLight> {
+        let mut dilated_at_seams = vec![[0.0; 3]; self.seams.texels().len()];
+        let mut is_lit = vec![false; self.atlas.pages as usize];
+        let mut whole = None;
+        for band in &self.bands {
+            let mut image = self.dilated(&reader, scale, band)?;
+            for &(texel, seam) in &band.at_seams {
+                dilated_at_seams[seam as usize] = std::mem::take(&mut image[texel as usize]);
+            }
+            for (page, is_lit) in is_lit.iter_mut().enumerate().filter(|(_, is_lit)| !**is_lit) {
+                *is_lit = self.rows_of_page(page, band).iter().any(|rows| {
+                    let (from, to) = (rows.start * self.mask.width, rows.end * self.mask.width);
+                    image[from..to].iter().any(|texel| *texel != [0.0; 3])
+                });
+            }
+            whole = Some(image).filter(|_| self.bands.len() == 1);
+        }
+        let stitched_at_seams = self.seams.stitched(&dilated_at_seams);
+        for (&texel, light) in self.seams.texels().iter().zip(&stitched_at_seams) {
+            let row = (texel as usize / self.mask.width) as u32;
+            let of_page = |page: &usize| self.atlas.page_rows(*page as u32).contains(&row);
+            if let Some(page) = (0..is_lit.len()).find(of_page).filter(|_| *light != [0.0; 3]) {
+                is_lit[page] = true;
+            }
+        }
+        if let Some(image) = &mut whole {
+            stitch(image, &self.bands[0], &stitched_at_seams);
+        }
+        Ok(PartLight { reader, scale, dilated_at_seams, stitched_at_seams, is_lit, whole })
+    }
+
+    /// A band of it.
+    pub fn band<'p>(&self, part: &'p PartLight, band: usize) -> Result<Texels<'p>> {
+        if let Some(whole) = &part.whole {
+            return Ok(Cow::Borrowed(whole));
+        }
+        let mut image = self.dilated(&part.reader, part.scale, &self.bands[band])?;
+        stitch(&mut image, &self.bands[band], &part.stitched_at_seams);
+        Ok(Cow::Owned(image))
+    }
+
+    /// A band of the sum of some parts.
+    pub fn sum<'p>(
+        &self,
+        parts: impl IntoIterator<Item = &'p PartLight>,
+        band: usize,
+    ) -> Result<Vec<[f32; 3]>> {
+        let mut sum = vec![[0.0; 3]; self.bands[band].rows.len() * self.mask.width];
+        for part in parts {
+            add(&mut sum, &self.band(part, band)?);
+        }
+        Ok(sum)
+    }
+
+    /// A band of what a reader gives, dilated.
+    fn dilated(&self, reader: &LayerReader, scale: Rgb, band: &Band) -> Result<Vec<[f32; 3]>> {
+        let width = self.mask.width;
+        let mut image = Image::black(width, band.window.len());
+        let (from, to) = (band.window.start * width, band.window.end * width);
+        reader.each_of(band.positions.clone(), |position, value| {
+            let index = self.texels[position].index as usize;
+            if (from..to).contains(&index) && self.mask.valid[index] {
+                image.texels[index - from] = (value.mean * scale).to_array();
+            }
+        })?;
+        band.dilation.apply(&mut image);
+        let mut texels = image.texels;
+        texels.truncate((band.rows.end - band.window.start) * width);
+        texels.drain(..(band.rows.start - band.window.start) * width);
+        Ok(texels)
+    }
+
+    /// The rows of a band that are a page's, counted from the band's first.
+    fn rows_of_page(&self, page: usize, band: &Band) -> Option<Range<usize>> {
+        let rows = self.atlas.page_rows(page as u32);
+        let from = band.rows.start.max(rows.start as usize);
+        let to = band.rows.end.min(rows.end as usize);
+        (from < to).then(|| from - band.rows.start..to - band.rows.start)
+    }
+}
+
+/// Gives texels at seams their stitched light.
+fn stitch(image: &mut [[f32; 3]], band: &Band, stitched: &[[f32; 3]]) {
+    band.at_seams.iter().for_each(|&(texel, seam)| image[texel as usize] = stitched[seam as usize]);
+}
+
+/// Adds light to other.
+pub fn add(to: &mut [[f32; 3]], what: &[[f32; 3]]) {
+    for (t, w) in to.iter_mut().zip(what) {
+        (0..3).for_each(|c| t[c] += w[c]);
+    }
+}
