@@ -249,8 +249,8 @@ impl<'a> Assembler<'a> {
         Ok(total)
     }
 
-    /// Stores the parts of a layer that lightmaps hold, `None` being a layer that is black. Gives their light,
-    /// too.
+    /// Stores the parts of a layer that lightmaps hold, `None` being a layer that is black. Gives their
+    /// light, too.
     fn store_parts(
         &self,
         writer: &mut Writer,

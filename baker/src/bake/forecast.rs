@@ -103,8 +103,8 @@ pub fn forecast(prepared: &Prepared, layout: &LayoutEstimate) -> Result<Forecast
     let all: Vec<usize> = (0..plan.layers()).collect();
     let disk = DiskSpace::of(prepared, layout, &all);
     let (n, triangles) = (texels as u64, prepared.geometry.triangles.len() as u64);
-    // From here on: of covered texels their place, light and piece, of all the mask and owners, and how gutters
-    // are filled.
+    // From here on: of covered texels their place, light and piece, of all the mask and owners, and how
+    // gutters are filled.
     let all_texels = layout.virtual_texels();
     let known = 16 * n + 3 * all_texels + 8 * all_texels.saturating_sub(n).min(n);
     // While frames are put together: bands of images, of up to three parts, of groups, and of sums where a
