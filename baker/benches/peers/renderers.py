@@ -52,7 +52,8 @@ def timed(command, threads, log: pathlib.Path) -> float:
 
 
 def variant(scene_file: pathlib.Path, folder: pathlib.Path, name: str, size, bounces, seed, lamps=False) -> pathlib.Path:
-    """A copy of a scene file with other settings: no lamps unless asked for, [bake] and the page's size as given."""
+    """A copy of a scene file with other settings: no lamps unless asked for, no visibility of the sun, [bake] and
+    the page's size as given."""
     sections, current = [], []
     for line in scene_file.read_text().splitlines():
         if line.startswith("["):
@@ -71,7 +72,10 @@ def variant(scene_file: pathlib.Path, folder: pathlib.Path, name: str, size, bou
                 line = f'{file[1]}"{(scene_file.parent / file[2]).resolve()}"'
             if head.startswith("[lightmap]") and re.match(r"\s*size\s*=", line):
                 line = f"size = {size}"
-            kept.append(line)
+            if not (head.startswith("[sun]") and re.match(r"\s*visibility\s*=", line)):
+                kept.append(line)
+        # (The sun's visibility is a file that no other renderer makes.)
+        kept += ['visibility = "off"'] if head.startswith("[sun]") else []
     kept += ["", "[bake]", "samples = 64", f"seed = {seed}", ""] + ([] if bounces is None else [f"bounces = {bounces}"])
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}.toml"

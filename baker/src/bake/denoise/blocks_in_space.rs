@@ -5,7 +5,7 @@ use super::neighbours::{Key, TexelInSpace};
 use crate::surface::BLOCK;
 use crate::{Error, Result};
 use dataset::system::ReadExactAt;
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::ops::Range;
@@ -32,7 +32,7 @@ pub struct BlocksInSpace {
 #[derive(Default)]
 struct Loaded {
     /// By number, with the time of its last use.
-    blocks: HashMap<u32, (Arc<Block>, u64)>,
+    blocks: BTreeMap<u32, (Arc<Block>, u64)>,
     time: u64,
 }
 
