@@ -6,7 +6,7 @@ use baker::light::group::{GroupSampler, emitters};
 use baker::light::sky::SkyTable;
 use baker::light::sky_sampler::SkySampler;
 use baker::light::sun::SunDisc;
-use baker::scene::{Baked, Lamp, Lightmap, Portal, Sampling, Scene, Sky};
+use baker::scene::{Lamp, Portal, Scene, Sky};
 use baker::surface::SurfacePoint;
 use baker::trace::backend::Backend;
 use baker::trace::counts::RayCounts;
@@ -296,24 +296,9 @@ fn a_portal_looks_for_the_sky_transmittance_of_glass() {
     let portal = Portal { corner: dvec3(-0.5, 1.0, -0.5), edge_u: DVec3::X, edge_v: DVec3::Z, room: None };
     let scene = Scene {
         name: "portal".to_owned(),
-        description: String::new(),
-        location: None,
-        sun: None,
         sky: Some(Sky::Constant { radiance: DVec3::ONE }),
-        sun_baked: Baked::All,
-        sun_visibility: None,
-        sky_baked: Baked::All,
-        ground: None,
-        ground_is_written: false,
         portals: vec![portal],
-        find_portals: false,
-        objects: Vec::new(),
-        groups: Vec::new(),
-        lights: Default::default(),
-        lightmap: Lightmap::default(),
-        size_as_written: String::new(),
-        bake: Sampling::default(),
-        cameras: Vec::new(),
+        ..Scene::default()
     };
     let plain = uniform_sky();
     let sky_sampler = SkySampler::new(&scene, &plain.sky, DVec3::ZERO);

@@ -8,7 +8,7 @@ use baker::light::group::{GroupSampler, emitters};
 use baker::light::sky::SkyTable;
 use baker::light::sky_sampler::SkySampler;
 use baker::light::sun::SunDisc;
-use baker::scene::{Baked, Lamp, Lightmap, Portal, Sampling, Scene, Sky, SkyImage};
+use baker::scene::{Lamp, Portal, Scene, Sky, SkyImage};
 use baker::surface::SurfacePoint;
 use baker::trace::backend::Backend;
 use baker::trace::counts::RayCounts;
@@ -481,27 +481,7 @@ fn a_lamp_and_emissive_quads_of_one_group_add_up() {
 
 /// A scene that is nothing but a sky and portals.
 fn skies(sky: Sky, portals: Vec<Portal>) -> Scene {
-    Scene {
-        name: "skies".to_owned(),
-        description: String::new(),
-        location: None,
-        sun: None,
-        sky: Some(sky),
-        sun_baked: Baked::All,
-        sun_visibility: None,
-        sky_baked: Baked::All,
-        ground: None,
-        ground_is_written: false,
-        portals,
-        find_portals: false,
-        objects: Vec::new(),
-        groups: Vec::new(),
-        lights: Default::default(),
-        lightmap: Lightmap::default(),
-        size_as_written: String::new(),
-        bake: Sampling::default(),
-        cameras: Vec::new(),
-    }
+    Scene { name: "skies".to_owned(), sky: Some(sky), portals, ..Scene::default() }
 }
 
 /// The lights of such a scene, with its sky sampler and without.

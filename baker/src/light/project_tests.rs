@@ -1,12 +1,10 @@
 //! Tests of the fit against light whose coefficients are known.
 
 use super::*;
-use crate::scene::{Baked, Lightmap, Location, Sampling, Sun, SunKey};
+use crate::scene::{Location, Sun, SunKey};
 
 fn scene(sky: Option<Sky>, sun: Option<Sun>) -> Scene {
     Scene {
-        name: String::new(),
-        description: String::new(),
         location: Some(Location {
             latitude: 48.0,
             longitude: 11.0,
@@ -16,20 +14,7 @@ fn scene(sky: Option<Sky>, sun: Option<Sun>) -> Scene {
         }),
         sun,
         sky,
-        sun_baked: Baked::All,
-        sun_visibility: None,
-        sky_baked: Baked::All,
-        ground: None,
-        ground_is_written: false,
-        portals: Vec::new(),
-        find_portals: false,
-        objects: Vec::new(),
-        groups: Vec::new(),
-        lights: Default::default(),
-        lightmap: Lightmap::default(),
-        size_as_written: String::new(),
-        bake: Sampling::default(),
-        cameras: Vec::new(),
+        ..Scene::default()
     }
 }
 

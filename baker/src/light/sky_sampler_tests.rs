@@ -1,7 +1,7 @@
 //! Tests of the sky sampler: its density against its samples, portals that overlap, pictures with a sun.
 
 use super::*;
-use crate::scene::{Baked, Lightmap, Sampling, Sky, SkyImage};
+use crate::scene::{Sky, SkyImage};
 use dataset::image::Image;
 use std::sync::Arc;
 
@@ -19,27 +19,7 @@ fn random(state: &mut u64) -> f32 {
 }
 
 fn scene(sky: Option<Sky>, portals: Vec<Portal>) -> Scene {
-    Scene {
-        name: "test".into(),
-        description: String::new(),
-        location: Some(LOCATION),
-        sun: None,
-        sky,
-        sun_baked: Baked::All,
-        sun_visibility: None,
-        sky_baked: Baked::All,
-        ground: None,
-        ground_is_written: false,
-        portals,
-        find_portals: false,
-        objects: Vec::new(),
-        groups: Vec::new(),
-        lights: Default::default(),
-        lightmap: Lightmap::default(),
-        size_as_written: String::new(),
-        bake: Sampling::default(),
-        cameras: Vec::new(),
-    }
+    Scene { name: "test".into(), location: Some(LOCATION), sky, portals, ..Scene::default() }
 }
 
 fn sky_sampler(sky: Option<Sky>, portals: Vec<Portal>) -> Option<SkySampler> {

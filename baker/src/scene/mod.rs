@@ -36,8 +36,8 @@ pub const MAX_FOV: f64 = 170.0;
 pub(crate) const WHITE: f64 = 0.98;
 
 /// A scene file, resolved: no option left open, every value checked, every path joined to the scene file's
-/// folder.
-#[derive(Clone, Debug, Serialize)]
+/// folder. The default has no light and no surface.
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Scene {
     /// One path component, never `src`, `tests`, `benches` or `python`.
     pub name: String,
@@ -116,27 +116,7 @@ impl Scene {
             parts: Vec::new(),
             vt_is_lightmap: false,
         };
-        Ok(Scene {
-            name: "model".to_owned(),
-            description: String::new(),
-            location: None,
-            sun: None,
-            sky: None,
-            sun_baked: Baked::All,
-            sun_visibility: None,
-            sky_baked: Baked::All,
-            ground: None,
-            ground_is_written: false,
-            portals: Vec::new(),
-            find_portals: true,
-            objects: vec![object],
-            groups: Vec::new(),
-            lights: LightsOfFiles::default(),
-            lightmap: Lightmap::default(),
-            size_as_written: String::new(),
-            bake: Sampling::default(),
-            cameras: Vec::new(),
-        })
+        Ok(Scene { name: "model".to_owned(), find_portals: true, objects: vec![object], ..Scene::default() })
     }
 }
 
