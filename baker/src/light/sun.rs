@@ -25,10 +25,7 @@ pub struct SunDisc {
 impl SunDisc {
     /// A direction uniformly distributed, by solid angle, on the visible part of the disc. `u` in [0, 1)².
     pub fn sample(&self, u: Vec2) -> Vec3 {
-        let Some(cap) = Cap::new(self) else { return self.direction };
-        let direction = cap.sample(f64::from(u.x), f64::from(u.y)).as_vec3();
-        // Rounding to f32 must not put a direction below the horizon.
-        if self.horizon { direction.with_y(direction.y.max(0.0)) } else { direction }
+        DiscSampler::new(*self).sample(u)
     }
 
     /// Density of [`SunDisc::sample`] over solid angle: constant on the visible part, else 0. Infinite where
@@ -51,11 +48,35 @@ impl SunDisc {
     }
 }
 
+/// A disc, ready for sampling.
+#[derive(Clone, Copy, Debug)]
+pub struct DiscSampler {
+    /// The disc.
+    pub disc: SunDisc,
+    cap: Option<Cap>,
+}
+
+impl DiscSampler {
+    /// Of a disc.
+    pub fn new(disc: SunDisc) -> Self {
+        DiscSampler { disc, cap: Cap::new(&disc) }
+    }
+
+    /// [`SunDisc::sample`].
+    pub fn sample(&self, u: Vec2) -> Vec3 {
+        let Some(cap) = &self.cap else { return self.disc.direction };
+        let direction = cap.sample(f64::from(u.x), f64::from(u.y)).as_vec3();
+        // Rounding to f32 must not put a direction below the horizon.
+        if self.disc.horizon { direction.with_y(direction.y.max(0.0)) } else { direction }
+    }
+}
+
 /// The part of a spherical cap above the horizon, in coordinates in which the horizon is a straight line.
 ///
 /// ω = s·right + √(1 − s²)·(cos ψ·centre + sin ψ·up): area is ds dψ (Archimedes), the horizon is ψ = −e for a
 /// centre at elevation e, and the cap with half angle δ is |s| ≤ sin δ·√(1 − x²), x = tan ψ / tan δ.
 /// Integrated over s, the density over x = sin a is cos²a / (1 + k² sin²a) da with k = tan δ.
+#[derive(Clone, Copy, Debug)]
 struct Cap {
     centre: DVec3,
     up: DVec3,

@@ -6,7 +6,7 @@ use crate::Rgb;
 use crate::light::group::GroupSampler;
 use crate::light::sky::SkyTable;
 use crate::light::sky_sampler::SkySampler;
-use crate::light::sun::SunDisc;
+use crate::light::sun::{DiscSampler, SunDisc};
 use glam::{Vec2, Vec3};
 
 /// Everything that shines, as layers: suns, then the lit hours of the sky, then groups as if always on.
@@ -34,7 +34,7 @@ pub struct Lights {
 /// A sun, ready for sampling.
 #[derive(Clone, Copy, Debug)]
 pub struct SunLight {
-    disc: SunDisc,
+    sampler: DiscSampler,
     /// Two axes across the disc, as long as its radius at distance 1, where it is whole and small.
     across: Option<[Vec3; 2]>,
 }
@@ -48,17 +48,17 @@ impl SunLight {
         let (x, y) = disc.direction.any_orthonormal_pair();
         let radius = disc.half_angle.tan();
         let across = (is_whole && disc.half_angle <= SMALL).then(|| [x * radius, y * radius]);
-        SunLight { disc, across }
+        SunLight { sampler: DiscSampler::new(disc), across }
     }
 
     /// The disc.
     pub fn disc(&self) -> &SunDisc {
-        &self.disc
+        &self.sampler.disc
     }
 
     /// Perpendicular irradiance.
     pub fn irradiance(&self) -> Rgb {
-        self.disc.irradiance
+        self.disc().irradiance
     }
 
     /// A direction towards the disc; `sun_sample` is the same for all suns of a sample.
@@ -66,9 +66,9 @@ impl SunLight {
     pub fn sample(&self, sun_sample: &SunSample) -> Vec3 {
         match self.across {
             Some([x, y]) => {
-                (self.disc.direction + x * sun_sample.on_disc.x + y * sun_sample.on_disc.y).normalize()
+                (self.disc().direction + x * sun_sample.on_disc.x + y * sun_sample.on_disc.y).normalize()
             }
-            None => self.disc.sample(sun_sample.u),
+            None => self.sampler.sample(sun_sample.u),
         }
     }
 }

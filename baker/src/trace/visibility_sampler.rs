@@ -16,9 +16,26 @@ const MOST_DIFFERENCE: f32 = 1.0 / 32.0;
 /// The angle between normals of a flat texel at most, in radians.
 const FLAT_ANGLE: f32 = 2e-3;
 
+/// The sun at a time.
+pub struct SunAtTime {
+    sun: SunLight,
+    /// The mean direction towards the disc; not a unit vector.
+    pub mean: Vec3,
+    /// Directions towards its places that points look at.
+    directions: Vec<Vec3>,
+}
+
+impl SunAtTime {
+    /// A sun and its places, which are the same at all times.
+    pub fn new(sun: SunLight, mean: Vec3, places: &[SunSample]) -> Self {
+        SunAtTime { sun, mean, directions: places.iter().map(|place| sun.sample(place)).collect() }
+    }
+}
+
 /// A texel's points.
 pub struct VisibilitySampler {
-    points: Vec<(Receiver, SunSample)>,
+    /// Each with the index of its place on the disc.
+    points: Vec<(Receiver, usize)>,
     /// The mean of the points' shading normals; not a unit vector where they differ.
     pub normal: Vec3,
     axis: Vec3,
@@ -27,11 +44,11 @@ pub struct VisibilitySampler {
 }
 
 impl VisibilitySampler {
-    /// From points of a texel's surface and their places on the disc; `None` without any.
-    pub fn new(points: Vec<(Receiver, SunSample)>) -> Option<Self> {
+    /// From points of a texel's surface, each with the index of its place on the disc; `None` without any.
+    pub fn new(points: Vec<(Receiver, usize)>) -> Option<Self> {
         let normal = points.iter().map(|(at, _)| at.normal).sum::<Vec3>() / points.len() as f32;
         let axis = normal.try_normalize().unwrap_or(Vec3::Y);
-        let angle = |(at, _): &(Receiver, SunSample)| axis.dot(at.normal).clamp(-1.0, 1.0).acos();
+        let angle = |(at, _): &(Receiver, usize)| axis.dot(at.normal).clamp(-1.0, 1.0).acos();
         let spread = points.iter().map(angle).reduce(f32::max)?;
         Some(VisibilitySampler { points, normal, axis, spread })
     }
@@ -46,12 +63,12 @@ impl VisibilitySampler {
 
     /// Whether the texel is flat and all of a sun stands before it: then light that came straight from the
     /// sun is the part that was not blocked, times a number that all of its points share.
-    pub fn is_fully_facing(&self, sun: &SunLight) -> bool {
+    pub fn is_fully_facing(&self, SunAtTime { sun, .. }: &SunAtTime) -> bool {
         self.spread < FLAT_ANGLE && self.axis.dot(sun.disc().direction) > self.margin(sun)
     }
 
-    /// The part of a sun's light that reaches the texel, from 0 to 1 per channel: times `normal` · `mean`
-    /// (the mean direction towards the disc), times the sun's irradiance, it is the irradiance of the texel.
+    /// The part of a sun's light that reaches the texel, from 0 to 1 per channel: times `normal` ·
+    /// `mean`, times the sun's irradiance, it is the irradiance of the texel.
     /// `None` where that product is none: the texel looks away.
     ///
     /// It is the share of light that is not blocked, but where the texel looks away in part: there normal ·
@@ -59,22 +76,21 @@ impl VisibilitySampler {
     pub fn visibility(
         &self,
         space: &Space,
-        sun: &SunLight,
-        mean: Vec3,
+        SunAtTime { sun, mean, directions }: &SunAtTime,
         counts: &mut RayCounts,
     ) -> Option<Rgb> {
         let elevation = self.axis.dot(sun.disc().direction);
-        let product = self.normal.dot(mean);
+        let product = self.normal.dot(*mean);
         if product <= 0.0 || elevation < -self.margin(sun) {
             return None;
         }
         let (mut sum, mut cosines) = (Rgb::ZERO, 0.0);
         let (mut least, mut most) = (Rgb::ONE, Rgb::ZERO);
-        for (i, (at, sun_sample)) in self.points.iter().enumerate() {
+        for (i, &(ref at, place)) in self.points.iter().enumerate() {
             if i >= FIRST_POINTS && cosines > 0.0 && (most - least).max_element() <= MOST_DIFFERENCE {
                 break;
             }
-            let direction = sun.sample(sun_sample);
+            let direction = directions[place];
             let cosine = direction.dot(at.normal);
             if cosine <= 0.0 {
                 continue;
@@ -96,8 +112,7 @@ impl VisibilitySampler {
         if elevation > self.margin(sun) || share == Rgb::ZERO {
             return Some(share);
         }
-        let cosine =
-            |(at, sun_sample): &(Receiver, SunSample)| sun.sample(sun_sample).dot(at.normal).max(0.0);
+        let cosine = |&(ref at, place): &(Receiver, usize)| directions[place].dot(at.normal).max(0.0);
         let unblocked = self.points.iter().map(cosine).sum::<f32>() / self.points.len() as f32;
         Some((share * (unblocked / product).max(1.0)).min(Rgb::ONE))
     }

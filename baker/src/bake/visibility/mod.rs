@@ -17,9 +17,10 @@ use crate::atlas::Atlas;
 use crate::light::visibility_times::VisibilityTimes;
 use crate::surface::{BLOCK, BlockSurface};
 use crate::trace::counts::RayCounts;
+use crate::trace::lights::SunSample;
 use crate::trace::path::sun_sample;
-use crate::trace::sampler::{Sequence, SequenceKind};
-use crate::trace::visibility_sampler::VisibilitySampler;
+use crate::trace::sampler::{Sample, Sequence, SequenceKind};
+use crate::trace::visibility_sampler::{SunAtTime, VisibilitySampler};
 use crate::{Error, Result, Rgb};
 use dataset::normals::{png_of, samples_of};
 use dataset::observe::Observer;
@@ -30,7 +31,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use tile::{SunAtTimes, Tile};
+use tile::{Tile, suns_at};
 
 /// Changes whenever the same scene would give other curves.
 const METHOD: &str = "visibility-3";
@@ -61,7 +62,9 @@ pub struct VisibilityBaker<'a> {
     layers: &'a Layers,
     texels: &'a [Texel],
     times: &'a VisibilityTimes,
-    suns: SunAtTimes,
+    suns: Vec<SunAtTime>,
+    /// The random numbers of a texel's points, the same for all texels.
+    samples: Vec<Sample>,
     /// Per page and tile of it, the positions of its usable texels among `texels`, ascending.
     by_tile: Vec<Vec<u32>>,
     /// The level that stands for 1.
@@ -97,6 +100,10 @@ impl<'a> VisibilityBaker<'a> {
         let folder = layers.visibility_folder(&digest);
         dataset::files::create_folders(&folder).map_err(Error::io(&folder))?;
         dataset::files::remove_stale_temporaries(&folder)?;
+        let (kind, stream) = (SequenceKind::Texel, Stream::Visibility as u32);
+        let sequence = Sequence::new(worker.seed, kind, SAME_FOR_ALL_TEXELS, stream);
+        let samples: Vec<Sample> = (0..points(times)).map(|i| sequence.sample(i)).collect();
+        let places: Vec<SunSample> = samples.iter().map(|sample| sun_sample(*sample)).collect();
         // (Tiles that a killed run left are used, and may have names that have not reached the disk.)
         dataset::files::sync_folder_of(&folder.join("tiles"));
         Ok(VisibilityBaker {
@@ -105,7 +112,8 @@ impl<'a> VisibilityBaker<'a> {
             layers,
             texels,
             times,
-            suns: SunAtTimes::new(times),
+            suns: suns_at(times, &places),
+            samples,
             by_tile: by_tile(worker.atlas, texels),
             top: top(times),
             folder,
@@ -260,16 +268,8 @@ impl<'a> VisibilityBaker<'a> {
         let (x, y) = (texel.index as usize % across, texel.index as usize / across);
         let surface = surfaces.get(&self.worker.bins.block_of(x, y))?;
         let in_block = (y - surface.y0) * surface.width + x - surface.x0;
-        let sequence = Sequence::new(
-            self.worker.seed,
-            SequenceKind::Texel,
-            SAME_FOR_ALL_TEXELS,
-            Stream::Visibility as u32,
-        );
-        let points = (0..points(self.times)).map(|i| sequence.sample(i));
-        let points = points.filter_map(|sample| {
-            let at = self.worker.receiver(surface, in_block, sample, texel.probes, counts)?;
-            Some((at, sun_sample(sample)))
+        let points = self.samples.iter().enumerate().filter_map(|(place, &sample)| {
+            Some((self.worker.receiver(surface, in_block, sample, texel.probes, counts)?, place))
         });
         VisibilitySampler::new(points.collect())
     }

@@ -9,10 +9,10 @@ use crate::light::sun::SunDisc;
 use crate::light::visibility_times::{VisibilityTimes, mean_direction};
 use crate::trace::counts::RayCounts;
 use crate::trace::lights::SunLight;
+use crate::trace::lights::SunSample;
 use crate::trace::space::Space;
-use crate::trace::visibility_sampler::VisibilitySampler;
+use crate::trace::visibility_sampler::{SunAtTime, VisibilitySampler};
 use dataset::visibility::Planes;
-use glam::Vec3;
 use rayon::prelude::*;
 
 /// By level, how far around a texel that changes others are asked, in texels: what is thin moves on over some
@@ -40,17 +40,11 @@ impl KnownVisibility {
     }
 }
 
-/// The suns of all times, ready for sampling.
-pub struct SunAtTimes {
-    suns: Vec<(SunLight, Vec3)>,
-}
-
-impl SunAtTimes {
-    /// The suns of `times`.
-    pub fn new(times: &VisibilityTimes) -> Self {
-        let of_disc = |disc: &SunDisc| (SunLight::new(*disc), mean_direction(disc).as_vec3());
-        SunAtTimes { suns: times.suns.iter().map(of_disc).collect() }
-    }
+/// The suns of all times, with their places that points of texels look at.
+pub fn suns_at(times: &VisibilityTimes, places: &[SunSample]) -> Vec<SunAtTime> {
+    let of_disc =
+        |disc: &SunDisc| SunAtTime::new(SunLight::new(*disc), mean_direction(disc).as_vec3(), places);
+    times.suns.iter().map(of_disc).collect()
 }
 
 /// A tile of texels.
@@ -65,7 +59,7 @@ pub struct Tile<'a> {
     /// The times.
     pub times: &'a VisibilityTimes,
     /// The sun at each.
-    pub suns: &'a SunAtTimes,
+    pub suns: &'a [SunAtTime],
     /// What may block it.
     pub space: &'a Space<'a>,
 }
@@ -106,7 +100,7 @@ impl Tile<'_> {
         after: Option<(f64, &[KnownVisibility])>,
     ) -> (Vec<KnownVisibility>, RayCounts) {
         let texels = self.visibility_samplers.len();
-        let (sun, mean) = &self.suns.suns[time];
+        let sun = &self.suns[time];
         let around = before.zip(after).map(|((from, before), (to, after))| {
             let part = ((self.times.hours[time] - from) / (to - from)) as f32;
             (
@@ -130,11 +124,11 @@ impl Tile<'_> {
             let found = match &self.traced[time] {
                 Some(traced)
                     if visibility_sampler.is_fully_facing(sun)
-                        && is_plain(traced[texel] / visibility_sampler.normal.dot(*mean)) =>
+                        && is_plain(traced[texel] / visibility_sampler.normal.dot(sun.mean)) =>
                 {
-                    Some((traced[texel] / visibility_sampler.normal.dot(*mean)).round())
+                    Some((traced[texel] / visibility_sampler.normal.dot(sun.mean)).round())
                 }
-                _ => visibility_sampler.visibility(self.space, sun, *mean, &mut counts),
+                _ => visibility_sampler.visibility(self.space, sun, &mut counts),
             };
             let to_byte = |value: f32| (value * 255.0).round() as u8;
             (

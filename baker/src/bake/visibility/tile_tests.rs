@@ -4,8 +4,8 @@ use crate::scene::{Sun, SunKey, SunTrack};
 use crate::surface::SurfacePoint;
 use crate::trace::path::{point_pair, sun_sample};
 use crate::trace::ray_tracer::RayTracer;
-use crate::trace::sampler::{Sequence, SequenceKind};
-use glam::{DVec3, Vec2};
+use crate::trace::sampler::{Sample, Sequence, SequenceKind};
+use glam::{DVec3, Vec2, Vec3};
 
 /// A floor of 16 × 2 squares of 0.1 m from x = 1 on, and a wall of 1 m height that stands across x = 0
 /// (triangles 2 and 3).
@@ -44,21 +44,25 @@ fn rising(disc_angle: f64) -> Sun {
     Sun { disc_angle, track: SunTrack::Authored((0..=90).map(key).collect()) }
 }
 
+/// The random numbers of a texel's points.
+fn samples() -> [Sample; 32] {
+    let sequence = Sequence::new(1, SequenceKind::Texel, 7, 14);
+    std::array::from_fn(|i| sequence.sample(i as u32))
+}
+
 /// The texels of the floor, or of its front row alone.
 fn visibility_samplers(space: &Space, texels: usize) -> Vec<Option<VisibilitySampler>> {
     let of_texel = |texel: usize| {
-        let sequence = Sequence::new(1, SequenceKind::Texel, 7, 14);
-        let at = |i: u32| {
-            let sample = sequence.sample(i);
+        let at = |(i, sample): (usize, Sample)| {
             let place = (Vec2::new((texel % 16) as f32, (texel / 16) as f32) + point_pair(sample))
                 / Vec2::new(16.0, 2.0);
             let (x, z) = (place.x, place.y);
             // The floor's corners: 0 (0, 0), 1 (0, 1), 2 (1, 1), 3 (1, 0).
             let (triangle, barycentric) =
                 if z > x { (0, Vec3::new(1.0 - z, z - x, x)) } else { (1, Vec3::new(1.0 - x, z, x - z)) };
-            Some((space.receiver(&SurfacePoint { triangle, barycentric })?, sun_sample(sample)))
+            Some((space.receiver(&SurfacePoint { triangle, barycentric })?, i))
         };
-        VisibilitySampler::new((0..32).filter_map(at).collect())
+        VisibilitySampler::new(samples().into_iter().enumerate().filter_map(at).collect())
     };
     (0..texels).map(of_texel).collect()
 }
@@ -67,7 +71,7 @@ fn planes(times: &VisibilityTimes, texels: usize) -> (Planes, RayCounts) {
     let geometry = scene();
     let rays = RayTracer::new(&geometry);
     let space = Space::new(&geometry, &rays);
-    let suns = SunAtTimes::new(times);
+    let suns = suns_at(times, &samples().map(sun_sample));
     let traced = vec![None; times.hours.len()];
     let visibility_samplers = visibility_samplers(&space, texels);
     Tile { width: 16, visibility_samplers, traced, times, suns: &suns, space: &space }.planes(255)
