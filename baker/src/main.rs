@@ -197,6 +197,8 @@ fn main() -> ExitCode {
     typed::refuse_misspelt::<Cli>("a scene file");
     let cli = Cli::parse();
     console::catch_interrupts();
+    // Every layer of a time is read at once.
+    dataset::system::allow_more_open_files();
     let console = Console::new(cli.console);
     let done = match cli.command {
         None => run(&cli.bake, &console),

@@ -56,6 +56,23 @@ pub fn free_bytes(folder: &Path) -> Option<u64> {
     }
 }
 
+/// Lets this process open as many files as the system allows it: many begin with 1024, some with 256.
+pub fn allow_more_open_files() {
+    #[cfg(unix)]
+    {
+        use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+        let limits = getrlimit(Resource::Nofile);
+        let most = limits.maximum.unwrap_or(u64::MAX).min(1 << 16);
+        // (macOS refuses more than 10240, whatever it says.)
+        for files in [most, most.min(10240)] {
+            let more = Rlimit { current: Some(files), ..limits };
+            if limits.current.is_none_or(|now| now >= files) || setrlimit(Resource::Nofile, more).is_ok() {
+                return;
+            }
+        }
+    }
+}
+
 #[cfg(target_os = "linux")]
 mod lock {
     use std::fs;

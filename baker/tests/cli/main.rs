@@ -577,3 +577,23 @@ fn an_answer_that_cannot_be_written_is_an_error() {
     assert_eq!(output.status.code(), Some(75));
     assert!(String::from_utf8(output.stderr).unwrap().contains("standard output"));
 }
+
+#[test]
+fn more_groups_than_files_may_be_open_at_first() {
+    let dir = tempfile::tempdir().unwrap();
+    let group = |i: usize| {
+        format!(
+            "[[group]]\nname = \"lamp {i}\"\non = [[\"00:00\", \"24:00\"]]\n[[group.sphere]]\ncentre = [{i}, 3, 0]\nradius = 0.1\n\
+            radiance = [5, 5, 5]\n"
+        )
+    };
+    let groups: String = (0..60).map(group).collect();
+    let scene = "[[object]]\nfile = \"a.obj\"\nalbedo = 0.5\n[lightmap]\nsize = 16\n[bake]\nsamples = 2\n";
+    std::fs::write(dir.path().join("a.obj"), "v 0 0 0\nv 0 0 1\nv 1 0 1\nv 1 0 0\nf 1 2 3 4\n").unwrap();
+    std::fs::write(dir.path().join("many.toml"), format!("{scene}{groups}")).unwrap();
+    // A shell whose children may open 64 files, and ask for more.
+    let command =
+        format!("ulimit -Sn 64; exec {} many.toml --hours 12 --out out --quiet", env!("CARGO_BIN_EXE_bake"));
+    let output = Command::new("sh").args(["-c", &command]).current_dir(dir.path()).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
