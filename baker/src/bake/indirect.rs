@@ -8,8 +8,8 @@ use super::state::{BlockState, CELLS};
 use crate::Rgb;
 use crate::surface::BlockSurface;
 use crate::trace::bright_facet_index::BrightFacetIndex;
-use crate::trace::bright_facets::{BrightFacet, MOST_CLUSTERS, sides};
-use crate::trace::bright_surfaces::{BrightLayers, BrightSurfaceView, BrightSurfaces};
+use crate::trace::bright_facets::{BrightFacet, BrightLayers, MOST_CLUSTERS, sides};
+use crate::trace::bright_surfaces::{BrightSurfaceView, BrightSurfaces};
 use crate::trace::cache::CacheMap;
 use crate::trace::cache_half::CacheHalf;
 use crate::trace::counts::RayCounts;
@@ -33,6 +33,8 @@ pub struct Cache<'a> {
     pub bright_surfaces: Vec<BrightSurfaces>,
     /// Which of their facets hold a point.
     index: BrightFacetIndex,
+    /// How many of `bright_surfaces`, the first, are of daylight: those of rooms, then those of all surfaces.
+    of_daylight: usize,
     /// The bright surfaces of light groups among `bright_surfaces`, where groups are many.
     of_many: Range<usize>,
     /// Per block and cell, what is seen of each of them, once somebody asked.
@@ -57,10 +59,12 @@ impl<'a> Cache<'a> {
         };
         let of_group = |g| {
             let layer = lights.group_layer(g);
-            BrightLayers { layers: layer..layer + 1, key: lights.groups[g].key, clusters }
+            BrightLayers { layers: layer..layer + 1, key: lights.groups[g].key, clusters, room: None }
         };
-        let daylight = BrightLayers { layers: 0..lights.sky_layers().end, key: 0, clusters: MOST_CLUSTERS };
-        let all_layers = [daylight].into_iter().chain((0..lights.groups.len()).map(of_group));
+        let daylight =
+            |room| BrightLayers { layers: 0..lights.sky_layers().end, key: 0, clusters: MOST_CLUSTERS, room };
+        let places = lights.rooms.iter().copied().map(Some).chain([None]);
+        let all_layers = places.map(daylight).chain((0..lights.groups.len()).map(of_group));
         let sides = sides(geometry, &map);
         let find = |bright_layers| BrightSurfaces::new(geometry, &map, &halves, &sides, bright_layers);
         let bright_surfaces: Vec<BrightSurfaces> = all_layers.filter_map(find).collect();
@@ -70,12 +74,26 @@ impl<'a> Cache<'a> {
         let facets: Vec<&[BrightFacet]> = bright_surfaces.iter().map(BrightSurfaces::facets).collect();
         let index = BrightFacetIndex::new(geometry.triangles.len(), &facets);
         // (Daylight stands first, if it has any.)
-        let first = bright_surfaces
+        let of_daylight = bright_surfaces
             .iter()
             .take_while(|surfaces| surfaces.layers.end <= lights.sky_layers().end)
             .count();
-        let of_many = if lights.groups.len() > FEW_GROUPS { first..bright_surfaces.len() } else { 0..0 };
-        Cache { map, halves, bright_surfaces, index, of_many, views }
+        let is_many = lights.groups.len() > FEW_GROUPS;
+        let of_many = if is_many { of_daylight..bright_surfaces.len() } else { 0..0 };
+        Cache { map, halves, bright_surfaces, index, of_daylight, of_many, views }
+    }
+
+    /// Of the lists of daylight, that of the room which most of the receivers are in; else that of all
+    /// surfaces.
+    fn daylight_for(&self, receivers: &[(Receiver, Sample)]) -> Option<usize> {
+        let is_for = |surfaces: &BrightSurfaces| {
+            surfaces.room.is_none_or(|room| {
+                let inside = receivers.iter().filter(|(at, _)| room.holds(at.origin(), at.normal()));
+                2 * inside.count() > receivers.len()
+            })
+        };
+        // (Those of rooms stand first.)
+        self.bright_surfaces[..self.of_daylight].iter().position(is_for)
     }
 
     /// Each view with the chance of a sample: where groups are many, in proportion to the light that arrives
@@ -313,9 +331,12 @@ impl Worker<'_> {
                     Some((self.receiver(surface, texel, sample, probes, &mut counts)?, sample))
                 })
                 .collect();
-            let view =
-                |surfaces: &BrightSurfaces| surfaces.view(&self.transport.space, &receivers, &mut counts);
-            let views = cache.bright_surfaces.iter().map(view).collect();
+            let daylight = cache.daylight_for(&receivers);
+            let view = |(i, surfaces): (usize, &BrightSurfaces)| {
+                let is_used = i >= cache.of_daylight || Some(i) == daylight;
+                is_used.then(|| surfaces.view(&self.transport.space, &receivers, &mut counts))?
+            };
+            let views = cache.bright_surfaces.iter().enumerate().map(view).collect();
             let _ = known.set(cache.cell_views(views));
             counts
         };

@@ -4,6 +4,7 @@ use crate::geometry::{Bounds, Geometry};
 use crate::scene::Portal;
 use crate::trace::lens::NO_TRIANGLE;
 use crate::trace::ray_tracer::{RayTracer, offset_point};
+use crate::trace::room::Room;
 use glam::{DVec3, Vec3};
 use std::f32::consts::TAU;
 
@@ -48,11 +49,12 @@ impl Opening {
         (self.high[0] - self.low[0]) * (self.high[1] - self.low[1])
     }
 
-    /// A place in it, by shares of its sides.
-    fn at(&self, axes: &[Vec3; 3], s: f32, t: f32) -> Vec3 {
+    /// The same in space.
+    fn rectangle(&self, axes: &[Vec3; 3]) -> Rectangle {
         let [n, u, v] = others(self.axis).map(|i| axes[i]);
-        let place = |i: usize, share: f32| self.low[i] + (self.high[i] - self.low[i]) * share;
-        n * self.depth + u * place(0, s) + v * place(1, t)
+        let size = |i: usize| self.high[i] - self.low[i];
+        let corner = n * self.depth + u * self.low[0] + v * self.low[1];
+        Rectangle { corner, edges: [u * size(0), v * size(1)] }
     }
 
     /// Whether its four sides are straight: free space across it ends at the same place all along.
@@ -60,12 +62,12 @@ impl Opening {
         /// Lines across it, and how many of them may end elsewhere.
         const LINES: u32 = 7;
         const MOST_ELSEWHERE: u32 = 1;
-        let [_, u, v] = others(self.axis).map(|i| axes[i]);
+        let ([_, u, v], rectangle) = (others(self.axis).map(|i| axes[i]), self.rectangle(axes));
         let is_straight = |along: usize| {
             let (direction, size) = ([u, v][along], self.high[along] - self.low[along]);
             let elsewhere = (0..LINES).filter(|&k| {
                 let share = (k as f32 + 0.5) / LINES as f32;
-                let p = if along == 0 { self.at(axes, 0.5, share) } else { self.at(axes, share, 0.5) };
+                let p = if along == 0 { rectangle.at(0.5, share) } else { rectangle.at(share, 0.5) };
                 let ends_there = |d: Vec3| {
                     let hit = ray_tracer.nearest(p, d, NO_TRIANGLE);
                     hit.is_some_and(|hit| (hit.t - 0.5 * size).abs() <= 0.05 * size + 0.02)
@@ -75,57 +77,6 @@ impl Opening {
             elsewhere.count() as u32 <= MOST_ELSEWHERE
         };
         is_straight(0) && is_straight(1)
-    }
-
-    /// Whether light comes in by one side of it only: there few rays meet anything.
-    fn leads_out(&self, ray_tracer: &RayTracer, axes: &[Vec3; 3]) -> bool {
-        /// Least share of the rays that leave the scene on the outside, and how many times that of the
-        /// inside.
-        const LEAST: f32 = 0.2;
-        const TIMES: f32 = 3.0;
-        let [a, b] = self.leaving(ray_tracer, axes);
-        a.max(b) >= LEAST && a.max(b) >= TIMES * a.min(b)
-    }
-
-    /// The box that most rays from it into the room end in, a little larger.
-    fn room(&self, ray_tracer: &RayTracer, axes: &[Vec3; 3]) -> [Vec3; 2] {
-        /// Rays, and how many of them may end beyond each side: those that leave by another window.
-        const MANY: u32 = 1024;
-        const BEYOND: usize = 20;
-        let [a, b] = self.leaving(ray_tracer, axes);
-        let inwards = if a <= b { axes[self.axis] } else { -axes[self.axis] };
-        let end = |i: u32| {
-            let [s, t] = [0.754_877_7, 0.569_840_3].map(|step| (i as f32 * step).fract());
-            let (from, direction) = (self.at(axes, s, t), around(inwards, i, MANY, s));
-            ray_tracer.nearest(from, direction, NO_TRIANGLE).map(|hit| from + direction * hit.t)
-        };
-        let ends: Vec<Vec3> = (0..MANY).filter_map(end).collect();
-        let corners = [self.at(axes, 0.0, 0.0), self.at(axes, 1.0, 1.0)];
-        let (mut low, mut high) = (corners[0].min(corners[1]), corners[0].max(corners[1]));
-        for axis in 0..3 {
-            let mut places: Vec<f32> = ends.iter().map(|end| end[axis]).collect();
-            places.sort_by(f32::total_cmp);
-            if let (Some(&first), Some(&last)) =
-                (places.get(BEYOND), places.len().checked_sub(BEYOND + 1).and_then(|i| places.get(i)))
-            {
-                (low[axis], high[axis]) = (low[axis].min(first), high[axis].max(last));
-            }
-        }
-        let more = (high - low) * 0.05 + 0.05;
-        [low - more, high + more]
-    }
-
-    /// Of rays to the one side and to the other, the shares that leave the scene.
-    fn leaving(&self, ray_tracer: &RayTracer, axes: &[Vec3; 3]) -> [f32; 2] {
-        let n = axes[self.axis];
-        let share = |normal: Vec3| {
-            let leaves = |i: u32| {
-                let [s, t] = [0.754_877_7, 0.569_840_3].map(|step| (i as f32 * step).fract());
-                ray_tracer.nearest(self.at(axes, s, t), around(normal, i, RAYS, s), NO_TRIANGLE).is_none()
-            };
-            (0..RAYS).filter(|&i| leaves(i)).count() as f32 / RAYS as f32
-        };
-        [share(n), share(-n)]
     }
 
     /// Whether two are parts of one opening.
@@ -146,6 +97,88 @@ impl Opening {
             votes: self.votes + other.votes,
         }
     }
+}
+
+/// A rectangle in space.
+struct Rectangle {
+    corner: Vec3,
+    edges: [Vec3; 2],
+}
+
+impl Rectangle {
+    /// A place in it, by shares of its sides.
+    fn at(&self, s: f32, t: f32) -> Vec3 {
+        self.corner + self.edges[0] * s + self.edges[1] * t
+    }
+
+    fn normal(&self) -> Vec3 {
+        self.edges[0].cross(self.edges[1]).normalize_or_zero()
+    }
+
+    /// Whether light comes in by one side of it only: there few rays meet anything.
+    fn leads_out(&self, ray_tracer: &RayTracer) -> bool {
+        /// Least share of the rays that leave the scene on the outside, and how many times that of the
+        /// inside.
+        const LEAST: f32 = 0.2;
+        const TIMES: f32 = 3.0;
+        let [a, b] = self.leaving(ray_tracer);
+        a.max(b) >= LEAST && a.max(b) >= TIMES * a.min(b)
+    }
+
+    /// The box that most rays from it into the room end in, a little larger.
+    fn room(&self, ray_tracer: &RayTracer) -> [Vec3; 2] {
+        /// Rays, and how many of them may end beyond each side: those that leave by another window.
+        const MANY: u32 = 1024;
+        const BEYOND: usize = 20;
+        let [a, b] = self.leaving(ray_tracer);
+        let inwards = if a <= b { self.normal() } else { -self.normal() };
+        let end = |i: u32| {
+            let [s, t] = [0.754_877_7, 0.569_840_3].map(|step| (i as f32 * step).fract());
+            let (from, direction) = (self.at(s, t), around(inwards, i, MANY, s));
+            ray_tracer.nearest(from, direction, NO_TRIANGLE).map(|hit| from + direction * hit.t)
+        };
+        let ends: Vec<Vec3> = (0..MANY).filter_map(end).collect();
+        let corners = [self.at(0.0, 0.0), self.at(1.0, 1.0)];
+        let (mut low, mut high) = (corners[0].min(corners[1]), corners[0].max(corners[1]));
+        for axis in 0..3 {
+            let mut places: Vec<f32> = ends.iter().map(|end| end[axis]).collect();
+            places.sort_by(f32::total_cmp);
+            if let (Some(&first), Some(&last)) =
+                (places.get(BEYOND), places.len().checked_sub(BEYOND + 1).and_then(|i| places.get(i)))
+            {
+                (low[axis], high[axis]) = (low[axis].min(first), high[axis].max(last));
+            }
+        }
+        let more = Room::margin(high - low);
+        [low - more, high + more]
+    }
+
+    /// Of rays to the one side and to the other, the shares that leave the scene.
+    fn leaving(&self, ray_tracer: &RayTracer) -> [f32; 2] {
+        let n = self.normal();
+        let share = |normal: Vec3| {
+            let leaves = |i: u32| {
+                let [s, t] = [0.754_877_7, 0.569_840_3].map(|step| (i as f32 * step).fract());
+                ray_tracer.nearest(self.at(s, t), around(normal, i, RAYS, s), NO_TRIANGLE).is_none()
+            };
+            (0..RAYS).filter(|&i| leaves(i)).count() as f32 / RAYS as f32
+        };
+        [share(n), share(-n)]
+    }
+}
+
+/// The boxes of the rooms that portals are the windows of, by opposite corners in the world.
+pub fn rooms(portals: &[Portal], geometry: &Geometry, ray_tracer: &RayTracer) -> Vec<[DVec3; 2]> {
+    let of_portal = |portal: &Portal| {
+        let corner = (portal.corner - geometry.origin).as_vec3();
+        let rectangle =
+            Rectangle { corner, edges: [portal.edge_u, portal.edge_v].map(|edge| edge.as_vec3()) };
+        portal.room.or_else(|| {
+            let room = rectangle.leads_out(ray_tracer).then(|| rectangle.room(ray_tracer))?;
+            Some(room.map(|corner| geometry.origin + corner.as_dvec3()))
+        })
+    };
+    portals.iter().filter_map(of_portal).collect()
 }
 
 /// Openings in the walls and roofs of rooms, the most important one first; none in a scene without rooms, or
@@ -174,13 +207,13 @@ pub fn openings(geometry: &Geometry, ray_tracer: &RayTracer) -> Vec<Portal> {
     }
     merged.retain(|opening| {
         let is_wide = opening.high.iter().zip(opening.low).all(|(h, l)| h - l >= NARROWEST_OPENING);
-        opening.votes >= FEWEST_RAYS && is_wide && opening.leads_out(ray_tracer, &axes)
+        opening.votes >= FEWEST_RAYS && is_wide && opening.rectangle(&axes).leads_out(ray_tracer)
     });
     merged.sort_by(|a, b| b.votes.cmp(&a.votes).then(b.area().total_cmp(&a.area())));
     merged.truncate(MOST_OPENINGS);
     merged
         .iter()
-        .map(|opening| portal(opening, &axes, geometry.origin, opening.room(ray_tracer, &axes)))
+        .map(|opening| portal(opening, &axes, geometry.origin, opening.rectangle(&axes).room(ray_tracer)))
         .collect()
 }
 

@@ -14,6 +14,7 @@ use crate::light::sky_sampler::SkySampler;
 use crate::light::sun::{self, SunDisc};
 use crate::scene::{Baked, Lamp, Scene, Sky};
 use crate::trace::lights::{GroupLight, Lights, SunLight};
+use crate::trace::room::Room;
 use crate::{Result, Rgb};
 use dataset::config::TransferPart;
 use dataset::observe::count;
@@ -236,6 +237,8 @@ impl Plan {
         let hit_index_of_group =
             groups.iter().map(|g| shines(g).then(|| next_index.next()).flatten()).collect();
         let is_sky_apart = self.sky_baked == Baked::Indirect;
+        let local = |corner: DVec3| (corner - geometry.origin).as_vec3();
+        let rooms = Room::of_windows(scene.rooms.iter().map(|room| room.map(local)));
         Lights {
             suns,
             sky,
@@ -246,6 +249,7 @@ impl Plan {
             holds_direct,
             hit_index_of_group,
             is_sky_apart,
+            rooms,
         }
     }
 

@@ -5,7 +5,7 @@ use super::errors::Parts;
 use super::facts;
 use super::hidden::{self, Hidden};
 use super::json;
-use super::openings::openings;
+use super::openings::{openings, rooms};
 use super::options::{Integrator, Options, Preset};
 use super::plan::Plan;
 use super::rounds::Limits;
@@ -30,8 +30,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
-/// Changes whenever the same scene would give other texels. (Hashed into digests: an old name for paths.)
-const METHOD: &str = "walks-24";
+/// Changes whenever the same scene would give other texels.
+const METHOD: &str = "paths-25";
 
 /// A scene read and planned: what a bake would do.
 #[derive(Debug)]
@@ -214,11 +214,16 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &dyn Observer) -> 
     let geometry = loaded?;
     geometry.lights.add_to(&mut scene);
     let hierarchy = OnceLock::new();
-    if scene.sky.is_some() && scene.find_portals && scene.portals.is_empty() {
+    if scene.sky.is_some() && (scene.find_portals || !scene.portals.is_empty()) {
         let own = hierarchy.get_or_init(|| Arc::new(Bvh8::new(&geometry)));
         let ray_tracer = RayTracer::with_hierarchy(&geometry, Arc::clone(own));
-        scene.portals = openings(&geometry, &ray_tracer);
-        facts::found_portals(&scene.portals).into_iter().for_each(|what| console.say(format!("  {what}")));
+        if scene.portals.is_empty() {
+            scene.portals = openings(&geometry, &ray_tracer);
+            facts::found_portals(&scene.portals)
+                .into_iter()
+                .for_each(|what| console.say(format!("  {what}")));
+        }
+        scene.rooms = rooms(&scene.portals, &geometry, &ray_tracer);
     }
     let mut plan = Plan::new(&scene, &geometry, &hours, options.extra_times);
     let visibility_times = visibility_times(&scene, &hours, &mut plan.skipped)?;

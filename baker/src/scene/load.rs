@@ -131,6 +131,7 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
         ground_is_written,
         portals,
         find_portals,
+        rooms: Vec::new(),
         objects,
         groups,
         lights,

@@ -72,6 +72,9 @@ pub struct Scene {
     /// see it.)
     #[serde(skip)]
     pub find_portals: bool,
+    /// The boxes of the rooms that portals are the windows of, by opposite corners in the world.
+    #[serde(skip)]
+    pub rooms: Vec<[DVec3; 2]>,
     /// Geometry, in file order.
     pub objects: Vec<Object>,
     /// Light groups, in file order; names are unique.

@@ -3,6 +3,7 @@
 
 use super::cache::CacheMap;
 use super::cache_half::CacheHalf;
+use super::room::Room;
 use super::triangle::Hit;
 use crate::Rgb;
 use crate::geometry::Geometry;
@@ -25,6 +26,18 @@ const BRIGHT_FACTOR: f32 = 4.0;
 const LEAST_SHARE: f64 = 0.5;
 /// Most clusters of facets.
 pub const MOST_CLUSTERS: usize = 256;
+
+/// Layers whose bright facets are one list.
+pub struct BrightLayers {
+    /// The layers.
+    pub layers: Range<usize>,
+    /// Tells its random numbers from those of other layers.
+    pub key: u32,
+    /// Most clusters of its facets.
+    pub clusters: usize,
+    /// The room whose surfaces count; `None`: all count.
+    pub room: Option<Room>,
+}
 
 /// The bright facets, ordered by cluster.
 pub struct BrightFacets {
@@ -99,25 +112,39 @@ struct SentLight<'a> {
     map: &'a CacheMap<'a>,
     halves: &'a [CacheHalf; 2],
     layers: Range<usize>,
+    /// Where surfaces count.
+    room: Option<Room>,
 }
 
 impl BrightFacets {
-    /// The bright facets among all surfaces of the cache, in `most_clusters` at most, by the light of
-    /// `layers`; `None` where little comes from them.
+    /// The bright facets among the surfaces of the cache by the light of some layers; `None` where little
+    /// comes from them.
     pub fn find(
         geometry: &Geometry,
         map: &CacheMap,
         halves: &[CacheHalf; 2],
         sides: &[TriangleSide],
-        layers: Range<usize>,
-        most_clusters: usize,
+        bright_layers: &BrightLayers,
     ) -> Option<Self> {
-        let sent = SentLight { geometry, map, halves, layers };
+        let (layers, room) = (bright_layers.layers.clone(), bright_layers.room);
+        let sent = SentLight { geometry, map, halves, layers, room };
+        let inside: Vec<TriangleSide>;
+        let sides = match room {
+            None => sides,
+            Some(room) => {
+                let is_inside = |side: &&TriangleSide| {
+                    room.touches(geometry.corners(side.triangle as usize))
+                        && side.facets().any(|number| sent.counts(side, number))
+                };
+                inside = sides.par_iter().filter(is_inside).copied().collect();
+                &inside
+            }
+        };
         let brightness = sent.brightness(sides);
         // Over all surfaces, the integrals of 1, brightness and its square.
         let [mut area, mut light, mut second] = [0f64; 3];
         for (side, brightness) in sides.iter().zip(&brightness) {
-            area += side.area * brightness.len() as f64;
+            area += side.area * side.facets().filter(|number| sent.counts(side, *number)).count() as f64;
             light += side.area * brightness.iter().map(|b| f64::from(*b)).sum::<f64>();
             second += side.area * brightness.iter().map(|b| f64::from(*b).powi(2)).sum::<f64>();
         }
@@ -131,7 +158,7 @@ impl BrightFacets {
         if bright < LEAST_SHARE * second {
             return None;
         }
-        let (clusters, up_to) = cluster(&mut facets, most_clusters);
+        let (clusters, up_to) = cluster(&mut facets, bright_layers.clusters);
         Some(BrightFacets { facets, up_to, clusters })
     }
 }
@@ -176,6 +203,9 @@ impl SentLight<'_> {
         let unit: Vec<f32> =
             sums.iter().map(|&s| if s > 0.0 { (1.0 / s).min(1e30) as f32 } else { 0.0 }).collect();
         let of_facet = |side: &TriangleSide, number: u32, light: &mut [Rgb]| {
+            if !self.counts(side, number) {
+                return 0.0;
+            }
             let mut squares = 0.0;
             for u in [Vec2::new(0.6, 0.2), Vec2::new(0.2, 0.6), Vec2::splat(0.2)] {
                 self.at(side, number, u, light);
@@ -198,7 +228,7 @@ impl SentLight<'_> {
         let of_sides = sides.par_chunks(256).map(|sides| {
             let (mut sums, mut light) = (vec![0f64; self.layers.len()], vec![Rgb::ZERO; self.layers.len()]);
             for side in sides {
-                for number in side.facets() {
+                for number in side.facets().filter(|number| self.counts(side, *number)) {
                     self.at(side, number, Vec2::splat(1.0 / 3.0), &mut light);
                     sums.iter_mut().zip(&light).for_each(|(s, l)| *s += side.area * f64::from(luminance(*l)));
                 }
@@ -210,6 +240,16 @@ impl SentLight<'_> {
             all.iter_mut().zip(sums).for_each(|(a, s)| *a += s);
         }
         all
+    }
+
+    /// Whether a facet lies where surfaces count.
+    fn counts(&self, side: &TriangleSide, number: u32) -> bool {
+        self.room.is_none_or(|room| {
+            let [p, q, r] = self.geometry.corners(side.triangle as usize);
+            let b = point_of(side.along, number, Vec2::splat(1.0 / 3.0));
+            let normal = self.geometry.normal(side.triangle as usize);
+            room.holds(p * b.x + q * b.y + r * b.z, if side.is_back { -normal } else { normal })
+        })
     }
 
     /// What each layer sends out per area, at the point `u` of a facet.

@@ -3,16 +3,18 @@
 //! solved, those are known: they are cut into facets, sampled, and weighted against the path by the balance
 //! heuristic.
 //!
-//! Daylight has facets of its own, shared by all its layers, and so has every group. Of more than a few
+//! Daylight has facets of its own, shared by all its layers, and so has every group. In a room whose windows
+//! were found, daylight has others: what is bright there is dim beside a sunny field. Of more than a few
 //! groups some are sampled with each path ([`super::light_subset`]). A facet is chosen in proportion to √Σ
 //! (its light ÷ the layer's mean)² over those layers, the best choice for the sum of their relative
 //! variances; and by how much of it arrives at the receiver, which a [`BrightSurfaceView`] holds for clusters
 //! of facets, shadows included.
 
-use super::bright_facets::{BrightFacet, BrightFacets, Cluster, TriangleSide, point_of};
+use super::bright_facets::{BrightFacet, BrightFacets, BrightLayers, Cluster, TriangleSide, point_of};
 use super::cache::CacheMap;
 use super::cache_half::CacheHalf;
 use super::counts::RayCounts;
+use super::room::Room;
 use super::sampler::Sample;
 use super::space::{Receiver, Space};
 use super::triangle::Hit;
@@ -22,22 +24,14 @@ use glam::{Vec2, Vec3};
 use std::f32::consts::PI;
 use std::ops::Range;
 
-/// Layers whose bright facets are one list.
-pub struct BrightLayers {
-    /// The layers.
-    pub layers: Range<usize>,
-    /// Tells its random numbers from those of other layers.
-    pub key: u32,
-    /// Most clusters of its facets.
-    pub clusters: usize,
-}
-
 /// The bright facets of a scene, for some of its layers.
 pub struct BrightSurfaces {
     /// The layers.
     pub layers: Range<usize>,
     /// Tells its random numbers from those of other layers.
     pub key: u32,
+    /// The room they are in; `None`: anywhere.
+    pub room: Option<Room>,
     facets: Vec<BrightFacet>,
     /// Per facet, the sum of the powers of its cluster's facets up to and with it, over that of all.
     up_to: Vec<f32>,
@@ -82,10 +76,10 @@ impl BrightSurfaces {
         sides: &[TriangleSide],
         bright_layers: BrightLayers,
     ) -> Option<Self> {
-        let BrightLayers { layers, key, clusters } = bright_layers;
-        let bright = BrightFacets::find(geometry, map, halves, sides, layers.clone(), clusters)?;
-        let BrightFacets { facets, up_to, clusters } = bright;
-        Some(BrightSurfaces { layers, key, facets, up_to, clusters })
+        let bright = BrightFacets::find(geometry, map, halves, sides, &bright_layers)?;
+        let (BrightLayers { layers, key, room, .. }, BrightFacets { facets, up_to, clusters }) =
+            (bright_layers, bright);
+        Some(BrightSurfaces { layers, key, room, facets, up_to, clusters })
     }
 
     /// What of their light arrives around some receivers; the samples are those the receivers were chosen by.

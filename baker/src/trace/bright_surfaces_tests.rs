@@ -88,7 +88,7 @@ fn with_bright_surfaces(bright: f32, test: impl FnOnce(&Geometry, Option<BrightS
         half
     };
     let (sides, part) =
-        (sides(&geometry, &map), BrightLayers { layers: 0..2, key: 7, clusters: MOST_CLUSTERS });
+        (sides(&geometry, &map), BrightLayers { layers: 0..2, key: 7, clusters: MOST_CLUSTERS, room: None });
     test(&geometry, BrightSurfaces::new(&geometry, &map, &[half(), half()], &sides, part));
 }
 

@@ -2,6 +2,7 @@
 //! order.
 
 use super::light_subset::{FEW_GROUPS, chances};
+use super::room::Room;
 use crate::Rgb;
 use crate::light::group::GroupSampler;
 use crate::light::sky::SkyTable;
@@ -29,6 +30,8 @@ pub struct Lights {
     pub hit_index_of_group: Vec<Option<usize>>,
     /// Whether what comes straight from the sky is summed apart.
     pub is_sky_apart: bool,
+    /// The rooms whose windows were found.
+    pub rooms: Vec<Room>,
 }
 
 /// A sun, ready for sampling.
@@ -118,6 +121,7 @@ impl Lights {
             holds_direct: Vec::new(),
             hit_index_of_group: Vec::new(),
             is_sky_apart: false,
+            rooms: Vec::new(),
         }
     }
 

@@ -1,6 +1,7 @@
 //! Light transport: rays, random numbers, the samples of every layer of a texel at once, the cache they read,
 //! its bright surfaces.
 
+pub mod room;
 pub mod sampler;
 pub mod triangle;
 mod lanes;

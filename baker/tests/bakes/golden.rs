@@ -5,8 +5,8 @@
 mod shining;
 
 use crate::scenes::{
-    Case, coarse_corner, corner, furnace, glazed_room, instances, low_walls, outdoors, room, sunlit_floor,
-    sunlit_room, wires,
+    Case, coarse_corner, corner, furnace, glazed_room, house, instances, low_walls, outdoors, room,
+    sunlit_floor, sunlit_room, wires,
 };
 use crate::statistics::{Bakes, bakes};
 use baker::bake::run::Integrator;
@@ -95,6 +95,12 @@ fn a_room_with_window_and_lamp() {
 fn a_room_with_a_patch_of_sun() {
     let cached = golden(&sunlit_room(), "sunlit room");
     // What the patch reflects is looked for there.
+    assert!(cached.outcomes.iter().all(|outcome| outcome.rays.bright_surface > 1000));
+}
+
+#[test]
+fn a_patch_of_sun_in_a_house_whose_outside_is_in_the_sun() {
+    let cached = golden(&house(), "house");
     assert!(cached.outcomes.iter().all(|outcome| outcome.rays.bright_surface > 1000));
 }
 

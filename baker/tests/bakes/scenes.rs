@@ -112,6 +112,15 @@ pub fn sunlit_room() -> Case {
     Case { text: sun.to_owned() + &room.text, ..room }
 }
 
+/// A house with a window, its outside in the sun: beside that, the patch of sun on its floor is not bright.
+pub fn house() -> Case {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/fixtures/house.glb");
+    let text = "[place]\nlatitude = 48.0\nlongitude = 11.5\nutc_offset = 2.0\ndate = 2026-06-21\n[sun]\n\
+        [sky]\nmodel = \"hosek-wilkie\"\n[[object]]\nfile = \"house.glb\"\n[lightmap]\nsize = 48\n";
+    let stage = Stage::new(&[("house.glb", std::fs::read(file).expect("readable"))]);
+    Case { stage, text: text.to_owned(), hours: "12" }
+}
+
 /// The sunlit room with a screen of tinted glass in front of the window, which reflects a part of the light.
 pub fn glazed_room() -> Case {
     let room = sunlit_room();
