@@ -5,7 +5,7 @@ use super::errors::{Errors, Sums};
 use super::json;
 use super::layers::{FilteredLayer, LayerReader, Layers, Part, Texel, each_sum};
 use super::local_errors::{COUNTED_ERRORS, CellMap, LocalErrorSummary, Pieces};
-use super::page_light::{BAND, PageLight, PartLight, Texels, add};
+use super::page_light::{BAND, LightSum, PageLight, PartLight, Texels, add};
 use super::plan::Plan;
 use super::seams::Jump;
 use super::valid::ValidTexels;
@@ -20,7 +20,7 @@ use dataset::image::Mask;
 use dataset::signals::stop_if_interrupted;
 use dataset::store::Writer;
 use dataset::tiles::TILE;
-use std::borrow::Cow;
+use std::rc::Rc;
 
 /// Puts the layers of a plan together.
 pub struct Assembler<'a> {
@@ -108,16 +108,6 @@ fn parts_in_dataset(baked: Baked, is_sky: bool) -> &'static [(Part, config::Part
         Baked::All if is_sky => &[(Part::Rest, config::Part::All)],
         Baked::All => &[(Part::Direct, config::Part::Direct), (Part::Rest, config::Part::Indirect)],
     }
-}
-
-/// The light of the groups that are on.
-struct GroupLight {
-    /// Their layers.
-    layers: Vec<usize>,
-    /// What is held of each, where the page is more than one band.
-    parts: Vec<Vec<PartLight>>,
-    /// The sum, where it is one.
-    whole: Option<Vec<[f32; 3]>>,
 }
 
 impl<'a> Assembler<'a> {
@@ -214,51 +204,30 @@ impl<'a> Assembler<'a> {
         self.page.part(self.reader(layer, part)?, self.plan.scale_of(layer))
     }
 
-    /// The light of some groups, by their layers.
-    fn group_light(&self, layers: Vec<usize>) -> Result<GroupLight> {
-        let held = |&layer: &usize| -> Result<Vec<PartLight>> {
-            self.plan.held_parts_of(layer).iter().map(|&part| self.part(layer, part)).collect()
-        };
-        let mut group_light = GroupLight { layers, parts: Vec::new(), whole: None };
-        if self.page.bands() > 1 {
-            group_light.parts = group_light.layers.iter().map(held).collect::<Result<_>>()?;
-            return Ok(group_light);
-        }
-        for layer in &group_light.layers {
-            let light = self.page.sum(&held(layer)?, 0)?;
-            match &mut group_light.whole {
-                Some(sum) => add(sum, &light),
-                None => group_light.whole = Some(light),
+    /// The light of some groups, by their layers: that of each is summed first.
+    fn group_light(&self, layers: &[usize]) -> Result<LightSum> {
+        let mut sum = LightSum::default();
+        for &layer in layers {
+            let mut held = LightSum::default();
+            for &part in self.plan.held_parts_of(layer) {
+                held.add_part(self.part(layer, part)?);
             }
+            sum.add_sum(&Rc::new(held));
         }
-        Ok(group_light)
+        Ok(sum)
     }
 
-    /// A band of the sum of daylight and of groups: the groups are summed first.
-    fn total(&self, daylight: &[PartLight], group_light: &GroupLight, band: usize) -> Result<Vec<[f32; 3]>> {
-        let mut total = self.page.sum(daylight, band)?;
-        let mut of_groups: Option<Texels> = group_light.whole.as_deref().map(Cow::Borrowed);
-        for parts in &group_light.parts {
-            let light = self.page.sum(parts, band)?;
-            match &mut of_groups {
-                Some(sum) => add(sum.to_mut(), &light),
-                None => of_groups = Some(Cow::Owned(light)),
-            }
-        }
-        of_groups.iter().for_each(|light| add(&mut total, light));
-        Ok(total)
-    }
-
-    /// Stores the parts of a layer that lightmaps hold, `None` being a layer that is black. Gives their
-    /// light, too.
+    /// Stores the parts of a layer that lightmaps hold, `None` being a layer that is black; adds them to
+    /// `sum`.
     fn store_parts(
         &self,
         writer: &mut Writer,
         layer: Option<usize>,
         parts: &[(Part, config::Part)],
         stem: impl Fn(config::Part) -> String,
-    ) -> Result<(Vec<Share>, Vec<PartLight>)> {
-        let (mut shares, mut lights) = (Vec::new(), Vec::new());
+        sum: &mut LightSum,
+    ) -> Result<Vec<Share>> {
+        let mut shares = Vec::new();
         for &(part, name) in parts {
             let Some(layer) = layer else {
                 shares.push((name, vec![None; self.atlas.pages as usize]));
@@ -268,9 +237,9 @@ impl<'a> Assembler<'a> {
             let is_lit = |page: u32| light.is_lit[page as usize];
             let files = self.add(writer, &stem(name), is_lit, |band| self.page.band(&light, band))?;
             shares.push((name, files));
-            lights.push(light);
+            sum.add_part(light);
         }
-        Ok((shares, lights))
+        Ok(shares)
     }
 
     /// Whether no part of a layer holds any light.
@@ -327,9 +296,9 @@ impl<'a> Assembler<'a> {
             let layer = index.map(|g| first_group + g);
             let parts = parts_in_dataset(of_group, false);
             let stem = |part: config::Part| format!("group{}-{}", index.unwrap_or_default(), part.name());
-            let (shares, lights) = self.store_parts(writer, layer, parts, stem)?;
+            let shares = self.store_parts(writer, layer, parts, stem, &mut LightSum::default())?;
             if let (Some(g), Some(layer)) = (*index, layer) {
-                let is_lit = lights.iter().any(|light| light.is_lit.contains(&true));
+                let is_lit = shares.iter().any(|(_, files)| files.iter().any(Option::is_some));
                 is_dark[g] = !is_lit && self.is_dark(layer)?;
                 each();
             }
@@ -345,7 +314,7 @@ impl<'a> Assembler<'a> {
         let mut errors = Errors::new(self.mask().width, self.mask().height, self.plan.times.len());
         let (mut all_cells, mut of_frames, mut worst) = (Vec::new(), Vec::new(), None);
         // The light of groups stays the same over many times.
-        let mut group_light = self.group_light(Vec::new())?;
+        let (mut group_light, mut groups_on) = (Rc::new(LightSum::default()), Vec::new());
         for (i, time) in self.plan.times.iter().enumerate() {
             let cells = self.add_errors(i, &mut errors)?;
             let (of_cells, of_frame) = self.cell_map.judge(&cells);
@@ -364,22 +333,26 @@ impl<'a> Assembler<'a> {
                     part => format!("{}-{}-{hour}", light.name(), part.name()),
                 }
             };
-            let (sun, mut daylight) =
-                self.store_parts(writer, self.plan.sun_of[i], sun_parts, stem(Light::Sun))?;
+            let mut total = LightSum::default();
+            let sun =
+                self.store_parts(writer, self.plan.sun_of[i], sun_parts, stem(Light::Sun), &mut total)?;
             let sky_layer = self.plan.sky_of[i].map(|s| self.plan.suns.len() + s);
             // (Lightmaps hold one part of a sky: added to the sun's light, it is as if it were summed by
             // itself first.)
-            let (sky, skylight) = self.store_parts(writer, sky_layer, sky_parts, stem(Light::Sky))?;
-            daylight.extend(skylight);
+            let sky = self.store_parts(writer, sky_layer, sky_parts, stem(Light::Sky), &mut total)?;
             for (layers, shares) in [(&mut suns, sun), (&mut skies, sky)] {
                 layers.iter_mut().zip(shares).for_each(|(layer, (_, files))| layer.files.push(files));
             }
             let on: Vec<usize> = self.plan.group_layers_of(i).collect();
-            if on != group_light.layers {
-                group_light = self.group_light(on)?;
+            if on != groups_on {
+                // (The old one goes first.)
+                drop(group_light);
+                group_light = Rc::new(self.group_light(&on)?);
+                groups_on = on;
             }
-            let total = |band| Ok(Cow::Owned(self.total(&daylight, &group_light, band)?));
-            let maps = self.add(writer, &format!("frame-{hour}"), |_| true, total)?;
+            total.add_sum(&group_light);
+            let texels_of = |band| self.page.band_of_sum(&total, band);
+            let maps = self.add(writer, &format!("frame-{hour}"), |_| true, texels_of)?;
             frames.push(Frame {
                 hour: time.hour,
                 groups_on: time.groups_on.clone(),

@@ -1,6 +1,7 @@
 //! The disk that a bake takes at its peak, compared with what is free where it writes: told before light is
 //! traced, not after hours of it.
 
+use super::denoise;
 use super::layer_file::CHECKSUM;
 use super::layers::Layers;
 use super::layout_estimate::{LayoutEstimate, cache_entries};
@@ -32,6 +33,8 @@ pub struct DiskSpace {
     pub traced: u64,
     /// What filters make of them.
     pub filtered: u64,
+    /// Where texels lie in space, while layers are denoised.
+    pub in_space: u64,
     /// Sums and cache while light is traced.
     pub work: u64,
     /// What `--force` removes before anything is written.
@@ -66,12 +69,14 @@ impl DiskSpace {
         // Towards a target layers are put together and denoised between rounds, too: beside those that are
         // kept.
         let is_judged = prepared.denoise.is_some() && prepared.limits.target_error.is_some();
-        let provisional = if is_judged { traced + filtered } else { 0 };
+        let in_space = if denoised > 0 { n * denoise::TEXEL_BYTES } else { 0 };
+        let provisional = if is_judged { traced + filtered + in_space } else { 0 };
         let blocks = n * (15 + SUMS * (count + hit_lights) + DIRECT * (count - skies));
         DiskSpace {
             dataset: IMAGE * layout.page_texels() * (plan.times.len() + plan.layers()) as u64,
             traced,
             filtered,
+            in_space,
             work: if count == 0 { 0 } else { blocks + cache + provisional },
             removed: 0,
         }
@@ -97,7 +102,7 @@ impl DiskSpace {
 
     /// The most of it at once: the work goes when its layers stand, and filters and dataset come after.
     pub fn peak(&self) -> u64 {
-        self.traced + self.work.max(self.filtered + self.dataset)
+        self.traced + self.work.max(self.filtered + self.dataset.max(self.in_space))
     }
 
     /// Refuses a bake that needs more than the `free` bytes of the file system of its folder.
@@ -157,7 +162,8 @@ mod tests {
 
     #[test]
     fn the_peak_is_that_of_the_greater_of_two_stages() {
-        let disk = DiskSpace { dataset: 300, traced: 1000, filtered: 100, work: 5000, removed: 0 };
+        let disk =
+            DiskSpace { dataset: 300, traced: 1000, filtered: 100, in_space: 200, work: 5000, removed: 0 };
         assert_eq!(disk.peak(), 6000);
         assert_eq!(DiskSpace { dataset: 30_000, ..disk }.peak(), 31_100);
         let at = |free| disk.check_free_space(Path::new("there"), free);

@@ -7,7 +7,8 @@ use super::disk_space::{DiskSpace, IMAGE};
 use super::facts::density;
 use super::layout_estimate::{LayoutEstimate, cache_entries};
 use super::options::Integrator;
-use super::page_light::BAND;
+use super::page_light::{BAND, LEAST_FILLED};
+use super::post::Dilation;
 use super::prepare::Prepared;
 use super::rounds;
 use super::solve;
@@ -106,11 +107,13 @@ pub fn forecast(prepared: &Prepared, layout: &LayoutEstimate) -> Result<Forecast
     // From here on: of covered texels their place, light and piece, of all the mask and owners, and how
     // gutters are filled.
     let all_texels = layout.virtual_texels();
-    let known = 16 * n + 3 * all_texels + 8 * all_texels.saturating_sub(n).min(n);
-    // While frames are put together: bands of images, of up to three parts, of groups, and of sums where a
-    // page is one band, else of two.
-    let band = all_texels.min(BAND as u64);
-    let assembling = known + IMAGE * band * if band < all_texels { 3 } else { 6 };
+    let known = 16 * n + 3 * all_texels + 8 * all_texels.saturating_sub(n);
+    // While frames are put together, bands of four images: a part of a layer, with what it is filled from,
+    // and the sums of a group, of all groups, and of all light.
+    let padding = prepared.scene.lightmap.padding.max(LEAST_FILLED);
+    let around = 2 * Dilation::reach(padding) as u64 * u64::from(layout.size[0]);
+    let assembling =
+        known + IMAGE * all_texels.min(BAND as u64 + around) + 3 * IMAGE * all_texels.min(BAND as u64);
     // While layers are denoised: where texels are; and for each thread, a block and its surroundings.
     let block = DENOISED_NEIGHBOURS
         + DENOISED_LAYER * layers.min(denoise::LAYERS_AT_ONCE as u64)

@@ -12,12 +12,13 @@ use crate::{Result, Rgb};
 use dataset::image::{Image, Mask};
 use std::borrow::Cow;
 use std::ops::Range;
+use std::rc::Rc;
 
 /// Texels of a band, about.
 pub const BAND: usize = 1 << 23;
 
 /// Texels around valid ones that are filled at least: a whole block of those a chart owns.
-const LEAST_FILLED: u32 = 4;
+pub const LEAST_FILLED: u32 = 4;
 
 /// Texels of a band, row by row.
 pub type Texels<'a> = Cow<'a, [[f32; 3]]>;
@@ -61,6 +62,42 @@ pub struct PartLight {
     whole: Option<Vec<[f32; 3]>>,
 }
 
+/// A sum of parts on the page, to be had likewise.
+#[derive(Default)]
+pub struct LightSum {
+    /// Of all texels, where they are one band.
+    whole: Option<Vec<[f32; 3]>>,
+    /// Else what is summed, in this order.
+    terms: Vec<Term>,
+}
+
+enum Term {
+    Part(PartLight),
+    Sum(Rc<LightSum>),
+}
+
+impl LightSum {
+    /// Adds a part.
+    pub fn add_part(&mut self, part: PartLight) {
+        match part.whole {
+            Some(whole) => self.add_whole(&whole),
+            None => self.terms.push(Term::Part(part)),
+        }
+    }
+
+    /// Adds a sum.
+    pub fn add_sum(&mut self, sum: &Rc<LightSum>) {
+        match &sum.whole {
+            Some(whole) => self.add_whole(whole),
+            None => self.terms.push(Term::Sum(Rc::clone(sum))),
+        }
+    }
+
+    fn add_whole(&mut self, whole: &[[f32; 3]]) {
+        add(self.whole.get_or_insert_with(|| vec![[0.0; 3]; whole.len()]), whole);
+    }
+}
+
 impl<'a> PageLight<'a> {
     /// Light is filled in up to `padding` texels around valid ones; bands have about so many texels.
     pub fn new(
@@ -101,11 +138,6 @@ impl<'a> PageLight<'a> {
     /// Whether a covered texel is valid.
     pub fn is_valid(&self, position: usize) -> bool {
         self.mask.valid[self.texels[position].index as usize]
-    }
-
-    /// How many bands there are.
-    pub fn bands(&self) -> usize {
-        self.bands.len()
     }
 
     /// The band that a row of the virtual page is in, and its number there.
@@ -155,17 +187,25 @@ impl<'a> PageLight<'a> {
         Ok(Cow::Owned(image))
     }
 
-    /// A band of the sum of some parts.
-    pub fn sum<'p>(
-        &self,
-        parts: impl IntoIterator<Item = &'p PartLight>,
-        band: usize,
-    ) -> Result<Vec<[f32; 3]>> {
-        let mut sum = vec![[0.0; 3]; self.bands[band].rows.len() * self.mask.width];
-        for part in parts {
-            add(&mut sum, &self.band(part, band)?);
+    /// A band of a sum.
+    pub fn band_of_sum<'s>(&self, sum: &'s LightSum, band: usize) -> Result<Texels<'s>> {
+        if let Some(whole) = &sum.whole {
+            return Ok(Cow::Borrowed(whole));
         }
-        Ok(sum)
+        let mut texels: Option<Texels> = None;
+        for term in &sum.terms {
+            let of_term = match term {
+                Term::Part(part) => self.band(part, band)?,
+                Term::Sum(sum) => self.band_of_sum(sum, band)?,
+            };
+            match &mut texels {
+                Some(texels) => add(texels.to_mut(), &of_term),
+                // (Light is never negative zero, so that nothing plus it is it.)
+                None => texels = Some(of_term),
+            }
+        }
+        let black = || Cow::Owned(vec![[0.0; 3]; self.bands[band].rows.len() * self.mask.width]);
+        Ok(texels.unwrap_or_else(black))
     }
 
     /// A band of what a reader gives, dilated.

@@ -145,7 +145,12 @@ impl WorkFolder {
 
     /// A block that this run has read or written before.
     pub fn expect_block(&self, block: usize, texels: usize) -> Result<BlockState> {
-        self.read_block(block, texels)?.ok_or_else(|| self.changed())
+        match self.read_block(block, texels)? {
+            Some(state) => Ok(state),
+            // (Surface that covers no texel leaves nothing to write.)
+            None if texels == 0 => Ok(self.empty_block(0)),
+            None => Err(self.changed()),
+        }
     }
 
     /// Writes a block, replacing what was there: whole or absent for a run that is killed, and durable after

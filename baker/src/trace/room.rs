@@ -67,11 +67,11 @@ mod tests {
         let rooms = Room::of_windows([found(0.0), found(0.02), found(0.0).map(|corner| corner + 6.0)]);
         assert_eq!(rooms.len(), 2);
         let room = rooms[0];
-        // The floor, the ceiling, a wall; then the outsides of walls of 10 and 1 cm, and the field.
+        // The floor, the ceiling, a wall; then the outsides of walls of 10 and 5 cm, and the field.
         let inside = [(Vec3::Y, [2.0, 0.0, 3.0]), (Vec3::NEG_Y, [2.0, 2.5, 3.0]), (Vec3::X, [0.0, 1.0, 4.9])];
         assert!(inside.iter().all(|(normal, point)| room.holds(Vec3::from_array(*point), *normal)));
         let outside =
-            [(Vec3::NEG_X, [-0.1, 1.0, 3.0]), (Vec3::Z, [1.0, 1.0, 5.01]), (Vec3::Y, [9.0, 0.0, 1.0])];
+            [(Vec3::NEG_X, [-0.1, 1.0, 3.0]), (Vec3::Z, [1.0, 1.0, 5.05]), (Vec3::Y, [9.0, 0.0, 1.0])];
         assert!(outside.iter().all(|(normal, point)| !room.holds(Vec3::from_array(*point), *normal)));
     }
 }

@@ -9,8 +9,10 @@ use crate::scenes::{
     sunlit_floor, sunlit_room, wires,
 };
 use crate::statistics::{Bakes, bakes};
-use baker::bake::run::Integrator;
+use baker::bake::run::{Integrator, Options, prepare};
+use baker::light::schedule::parse_hours;
 use baker::trace::backend::Backend;
+use dataset::observe::Silent;
 use std::f64::consts::PI;
 
 /// Samples of the reference.
@@ -102,6 +104,27 @@ fn a_room_with_a_patch_of_sun() {
 fn a_patch_of_sun_in_a_house_whose_outside_is_in_the_sun() {
     let cached = golden(&house(), "house");
     assert!(cached.outcomes.iter().all(|outcome| outcome.rays.bright_surface > 1000));
+}
+
+#[test]
+fn a_portal_in_the_scene_file_tells_of_its_room_as_a_found_one_does() {
+    let case = house();
+    let prepared = |text: &str| {
+        case.stage.write("case.toml", text.as_bytes());
+        let options = Options::new(parse_hours(case.hours).unwrap());
+        prepare(&case.stage.path("case.toml"), &options, &Silent).unwrap().scene
+    };
+    let found = prepared(&case.text);
+    let [portal] = &found.portals[..] else { panic!("{:?}", found.portals) };
+    let [corner, u, v] = [portal.corner, portal.edge_u, portal.edge_v].map(|p| p.to_array());
+    let text = format!("[[portal]]\ncorner = {corner:?}\nedge_u = {u:?}\nedge_v = {v:?}\n{}", case.text);
+    let written = prepared(&text);
+    assert!(written.portals[0].room.is_none());
+    let ([a], [b]) = (&found.rooms[..], &written.rooms[..]) else {
+        panic!("{:?}, {:?}", found.rooms, written.rooms)
+    };
+    // Found ones are rounded to centimetres.
+    assert!((0..2).all(|corner| (a[corner] - b[corner]).abs().max_element() < 0.02), "{a:?}, {b:?}");
 }
 
 #[test]

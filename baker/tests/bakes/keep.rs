@@ -3,7 +3,7 @@
 use crate::Stage;
 use crate::pages::case;
 use crate::scenes::Obj;
-use baker::bake::run::{Options, prepare};
+use baker::bake::run::{Integrator, Options, prepare};
 use baker::light::schedule::parse_hours;
 use dataset::console::Console;
 use glam::{DVec3, Vec2};
@@ -74,4 +74,22 @@ fn the_geometry_of_a_dataset_is_baked_again_texel_by_texel() {
     let prepared = prepare(&stage.path("third.toml"), &options, &Console::silent()).expect("a scene");
     let error = prepared.atlas().expect_err("an error").to_string();
     assert!(error.contains("lies on page 1 of its file: expected `pages = 2`"), "{error}");
+}
+
+#[test]
+fn a_chart_that_ends_a_rounding_beyond_a_block_is_baked() {
+    // The block beyond texel 64 holds surface and covers no texel.
+    let u = 64.00001 / 128.0;
+    let obj = format!(
+        "v 0 0 0\nv 0 0 1\nv 1 0 1\nv 1 0 0\nvt 0.1 0.9\nvt 0.1 0.1\nvt {u} 0.1\nvt {u} 0.9\nf 1/1 2/2 3/3 4/4\n"
+    );
+    let stage = Stage::new(&[("a.obj", obj.into_bytes())]);
+    let text = "[sky]\nmodel = \"constant\"\nradiance = [3, 4, 5]\n\
+        [[object]]\nfile = \"a.obj\"\nalbedo = 0.5\nvt = \"lightmap\"\n\
+        [lightmap]\nsize = [128, 64]\nuv = \"keep\"\n[bake]\nsamples = 2\n";
+    for (integrator, set) in [(Integrator::Cached, "cached"), (Integrator::Path, "path")] {
+        let (outcome, dataset) = stage.bake(text, set, "12", |options| options.integrator = integrator);
+        assert!(outcome.texels > 2000, "{} texels", outcome.texels);
+        assert!(dataset.verify(|| {}).faults.is_empty());
+    }
 }

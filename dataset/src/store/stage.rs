@@ -73,12 +73,24 @@ impl Writer {
         if staged.bytes == 0 || content_hash(&path).is_none() {
             return Err(no_content(&on_disk));
         }
-        fs::rename(&staged.temporary, &on_disk).map_err(Error::io(&on_disk))?;
-        files::sync_folder_of(&on_disk);
+        // A file of that name and content may exist from an earlier run; a damaged one is replaced.
+        if !has_digest(&on_disk, &staged) {
+            fs::rename(&staged.temporary, &on_disk).map_err(Error::io(&on_disk))?;
+            files::sync_folder_of(&on_disk);
+        }
         let file = FileRef { path, bytes: staged.bytes, blake3: staged.blake3.clone() };
         self.added.insert(file.blake3.clone(), file.clone());
         Ok(file)
     }
+}
+
+/// Whether a file has the content of a staged one.
+fn has_digest(path: &Path, staged: &Staged) -> bool {
+    let is_as_long = fs::metadata(path).is_ok_and(|metadata| metadata.len() == staged.bytes);
+    let mut hasher = blake3::Hasher::new();
+    is_as_long
+        && File::open(path).is_ok_and(|file| hasher.update_reader(file).is_ok())
+        && hasher.finalize().to_hex().as_str() == staged.blake3
 }
 
 /// What cannot be a file of a dataset.

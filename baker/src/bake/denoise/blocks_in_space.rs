@@ -14,7 +14,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Blocks that are in memory at once.
 pub const BLOCKS_AT_ONCE: usize = 1024;
-/// Bytes of one there.
+/// Bytes of a texel on disk.
+pub const TEXEL_BYTES: u64 = size_of::<TexelInSpace>() as u64;
+/// Bytes of a block in memory.
 pub const BLOCK_BYTES: usize = BLOCK * BLOCK * (size_of::<TexelInSpace>() + size_of::<(Key, u32)>());
 
 /// The covered texels of a page in space, in their order.

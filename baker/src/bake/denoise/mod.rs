@@ -22,7 +22,7 @@ use super::layers::{FilteredLayer, Layers, Part, Texel};
 use super::value::{Filtered, Value};
 use crate::trace::counts::RayCounts;
 use crate::{Result, Rgb};
-pub use blocks_in_space::{BLOCK_BYTES, BLOCKS_AT_ONCE};
+pub use blocks_in_space::{BLOCK_BYTES, BLOCKS_AT_ONCE, TEXEL_BYTES};
 use dataset::observe::Observer;
 use dataset::signals::stop_if_interrupted;
 use kernels::{ERROR_RADIUS, FILTERS, Kernel};
