@@ -198,7 +198,6 @@ struct Lightmaps<'a> {
     noise: Option<Noise>,
     /// Frames of a lower mean are too dark to evaluate in their darkest texels.
     visible: f64,
-    /// Of each page.
     masks: Vec<Mask>,
     /// Of each page, the rows of its strips.
     strips: Vec<Vec<Range<usize>>>,

@@ -128,7 +128,6 @@ pub struct Band {
     grid: Grid,
     page: usize,
     row: usize,
-    /// The frames' hours.
     hours: Vec<f64>,
     /// The page rows held.
     rows: Range<usize>,

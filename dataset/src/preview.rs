@@ -147,7 +147,6 @@ fn tone(exposed: f32) -> u8 {
     (encoded * 255.0).round() as u8
 }
 
-/// Rec. 709 luminance.
 fn luminance([r, g, b]: [f32; 3]) -> f32 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }

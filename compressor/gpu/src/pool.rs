@@ -18,7 +18,6 @@ use std::sync::Arc;
 
 /// Longest side of a layer of maps, where slots are not longer.
 const SIDE: u32 = 2048;
-/// The resident buffer's label.
 const RESIDENT: &str = "ndgi resident";
 /// Most words of a buffer: texels of two bytes are numbered in 32 bits.
 const MOST_WORDS: u64 = 1 << 30;

@@ -67,7 +67,6 @@ const HEADER: [&str; 11] = [
     "decode ms/1024²",
 ];
 
-/// The CSV's columns.
 const COLUMNS: &str = "family,method,bpp,psnr_db,psnr_range_db,psnr_pooled_db,psnr_log_db,psnr_worst_percent_db,one_minus_ssim,\
      one_minus_ssim_uniform,lpips,flip,dark_relative_error,step_error,switch_error,encode_seconds,decode_milliseconds,note";
 

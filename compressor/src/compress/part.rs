@@ -18,13 +18,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::Duration;
 
-/// Extension of the files.
 const EXTENSION: &str = "tile";
 /// Name of the list of files whose bundle is written. A run that is killed while it removes them leaves the
 /// list.
 const DONE: &str = "done.json";
 
-/// The lock on the folder.
 enum Held {
     /// Only this run.
     Alone(#[allow(dead_code, reason = "held, never read")] Lock),
@@ -46,7 +44,6 @@ pub(super) struct Kept<S> {
     pub made_from: Option<String>,
 }
 
-/// The folder.
 pub(super) struct Part {
     folder: PathBuf,
     /// Excludes other runs; `None` once the folder is left.
@@ -88,7 +85,6 @@ impl Part {
         path
     }
 
-    /// The folder's path.
     pub(super) fn folder(&self) -> &Path {
         &self.folder
     }

@@ -24,11 +24,9 @@ use std::time::Instant;
 const SILENT: u64 = 300;
 /// Seconds between two notes of a shard.
 const NOTE_INTERVAL: f64 = 2.0;
-/// The most shards.
 const MOST: u32 = 100_000;
 /// The most tiles: 64 pages of 16384².
 const MOST_TILES: usize = 64 * 131 * 131;
-/// The longest note in bytes.
 const LONGEST: u64 = 1 << 16;
 /// Tiles or shards that a message names; of more it says how many.
 const NAMED: usize = 4;

@@ -41,9 +41,7 @@ const NEARLY: f64 = 1.07;
 
 /// Results of all tiles, in the order of the bundle's index.
 pub(super) struct Work {
-    /// The bundle's payloads.
     pub payloads: Vec<Payload>,
-    /// Training statistics.
     pub stats: Vec<TileStats>,
     /// Number of tiles reused from a stopped run.
     pub resumed: usize,
@@ -104,7 +102,6 @@ pub(super) struct Tiles<'a> {
     pub recipe: &'a str,
     /// True once the dataset's checksums are verified.
     pub is_verified: bool,
-    /// Bytes of the tiles' sun sections.
     pub bytes_of_sun: u64,
     /// When training is to end.
     pub deadline: Option<Instant>,

@@ -45,9 +45,7 @@ pub struct SlowMetrics<'a> {
 
 /// A strip of whole tiles of a page of a frame.
 pub(super) struct Strip<'a> {
-    /// Index of the frame.
     pub frame: usize,
-    /// Page.
     pub page: usize,
     /// The strip's first row on the page, a multiple of [`TILE`].
     pub row: usize,
@@ -61,7 +59,6 @@ pub(super) struct Strip<'a> {
     pub page_mean: f64,
     /// The page's sampling error as a mean square per tile, where the dataset states it.
     pub noise: Option<&'a [f64]>,
-    /// Slow quality metrics.
     pub slow_metrics: SlowMetrics<'a>,
 }
 

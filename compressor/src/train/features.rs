@@ -38,7 +38,6 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// The layout of a shape.
     pub fn new(shape: &Shape, texel_by_texel: bool) -> Self {
         let mut end = 0;
         let mut next = |n: usize| {

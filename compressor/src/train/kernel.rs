@@ -90,13 +90,9 @@ impl Noise {
 /// Loss and gradient of a batch. The loss is Σ w (y − target)², the gradient that of half of it times
 /// `scale`.
 pub struct Batch<'a, const H: usize> {
-    /// The tile.
     pub problem: &'a Problem,
-    /// Its features.
     pub features: Features<'a>,
-    /// Its decoder network.
     pub network: &'a Network<H>,
-    /// The samples.
     pub samples: &'a [Samples<'a>],
     /// Noise on the features, and what picks it.
     pub noise: Option<(&'a Noise, u64)>,
@@ -167,11 +163,8 @@ pub fn residual(y: Quad, target: Quad, base: &Quad, slope: &Quad) -> (Quad, Quad
 
 /// Squared error in linear light, summed over texels and channels, per time point, of the given texels.
 pub struct SquaredErrors<'a, const H: usize> {
-    /// The tile.
     pub problem: &'a Problem,
-    /// Its features.
     pub features: Features<'a>,
-    /// Its decoder network.
     pub network: &'a Network<H>,
     /// This many of the problem's time points.
     pub points: usize,
@@ -213,15 +206,10 @@ impl<const H: usize> Kernel for SquaredErrors<'_, H> {
 
 /// The loss Σ w r² over each 4×4 block of F_uv, texels by their weight in blocks.
 pub struct BlockLosses<'a, const H: usize> {
-    /// The tile.
     pub problem: &'a Problem,
-    /// Its features.
     pub features: Features<'a>,
-    /// Its decoder network.
     pub network: &'a Network<H>,
-    /// The samples.
     pub samples: &'a [Samples<'a>],
-    /// Number of blocks.
     pub blocks: usize,
 }
 
@@ -260,11 +248,8 @@ pub struct Linearised {
 
 /// Linearises the decoder network on chunks of samples and hands each to a function.
 pub struct Linearise<'a, const H: usize, F> {
-    /// The tile.
     pub problem: &'a Problem,
-    /// Its features.
     pub features: Features<'a>,
-    /// Its decoder network.
     pub network: &'a Network<H>,
     /// The time point and the texels.
     pub samples: &'a [Samples<'a>],
@@ -290,9 +275,7 @@ impl<const H: usize, F: FnMut(&Samples, &Linearised)> Kernel for Linearise<'_, H
 
 /// Makes a map of its endpoints and weights ([`interpolate_blocks`]).
 pub struct InterpolateBlocks<'a> {
-    /// Endpoints of all blocks.
     pub endpoints: &'a [f32],
-    /// Weights of all blocks.
     pub weights: &'a [f32],
     /// Texels of a row; 4 block by block.
     pub across: usize,
@@ -311,9 +294,7 @@ impl Kernel for InterpolateBlocks<'_> {
 /// Brings the gradient from a map to its endpoints and weights, and zeroes the former
 /// ([`backpropagate_blocks`]).
 pub struct BackpropagateBlocks<'a> {
-    /// Endpoints of all blocks.
     pub endpoints: &'a [f32],
-    /// Weights of all blocks.
     pub weights: &'a [f32],
     /// Texels of a row; 4 block by block.
     pub across: usize,

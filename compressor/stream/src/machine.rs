@@ -381,7 +381,6 @@ impl Stream {
         self.state(tile).wanted == self.step
     }
 
-    /// A new ticket.
     fn ticket(&mut self) -> u64 {
         self.tickets += 1;
         self.tickets

@@ -6,9 +6,7 @@ use crate::image::Mask;
 #[derive(Debug)]
 pub(super) struct Half {
     source: Mask,
-    /// Columns of the half.
     pub width: usize,
-    /// Rows of the half.
     pub height: usize,
 }
 

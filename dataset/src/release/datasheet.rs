@@ -16,7 +16,6 @@ pub(super) struct Files<'a> {
     pub cc0: bool,
 }
 
-/// The datasheet as Markdown.
 pub(super) fn datasheet(config: &Config, files: &Files) -> String {
     let mut text = format!("# {}\n\n", plain(&config.scene));
     let (frames, pages) = (count(config.frames.len(), "frame"), count(config.pages.len(), "page"));

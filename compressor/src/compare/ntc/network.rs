@@ -8,7 +8,6 @@ use bytemuck::{Pod, Zeroable};
 
 /// Inputs, with room to spare.
 pub const INPUTS: usize = 96;
-/// Width of the hidden layers.
 pub const HIDDEN: usize = 64;
 /// Outputs: RGB of each frame, and a spare one.
 pub const OUTPUTS: usize = 16;

@@ -10,7 +10,6 @@ use dataset::tiles::TILE;
 /// what the dataset has, nothing is shown: it is the mean of the valid neighbours for all.
 const RINGS: usize = 4;
 
-/// The pages of a dataset.
 pub(super) struct Pages<'a> {
     dataset: &'a Dataset,
     set: &'a TileSet,
