@@ -20,6 +20,7 @@ pub use between::Between;
 pub use quality::Quality;
 pub(crate) use quality::quality;
 pub use rgbe::{from_rgbe, to_rgbe};
+pub(crate) use sample::Strip;
 pub use sample::{Sample, SlowMetrics};
 pub use shadows::Shadows;
 pub use steps::{Step, Steps};
@@ -38,7 +39,6 @@ use dataset::observe::{Meter, Observer};
 use dataset::signals::stop_if_interrupted;
 use dataset::store::Dataset;
 use dataset::tiles::TILE;
-use sample::Strip;
 use seams::Seams;
 use std::ops::Range;
 
@@ -127,7 +127,7 @@ pub fn evaluate(
 ) -> Result<Evaluation> {
     expect_match(dataset, decoder)?;
     let noise = dataset.noise()?;
-    let masks = (0..dataset.config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
+    let masks = dataset.masks()?;
     let strips = masks.iter().map(strips).collect();
     let (law, lights) = (reference_law(decoder), Lights::All);
     let mut lightmaps = Lightmaps {
@@ -313,9 +313,7 @@ impl Found {
         let files = |k: usize| frames[k].maps.iter().map(|map| &map.blake3).collect::<Vec<_>>();
         let mut seen = std::collections::BTreeSet::new();
         let firsts: Vec<usize> = (0..frames.len()).filter(|&k| seen.insert(files(k))).collect();
-        let valid = (0..pages.len())
-            .map(|page| Ok(dataset.mask(page)?.valid.iter().filter(|valid| **valid).count()))
-            .sum::<Result<usize>>()?;
+        let valid: usize = dataset.masks()?.iter().map(Mask::count).sum();
         let is_sunny = |k: usize| {
             let mut direct = dataset.config.layers.iter().filter(|layer| layer.is_direct_sun());
             direct.any(|layer| (0..pages.len()).any(|page| layer.file(k, page).is_some()))

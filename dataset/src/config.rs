@@ -80,7 +80,19 @@ pub struct Config {
     pub transfer: Option<Transfer>,
 }
 
+/// Hours between two times of day, the short way around the clock.
+pub fn hours_apart(a: f64, b: f64) -> f64 {
+    let straight = (a - b).abs();
+    straight.min(24.0 - straight)
+}
+
 impl Config {
+    /// The frame that is nearest to an hour around the clock.
+    pub fn nearest_frame(&self, hour: f64) -> Option<usize> {
+        let away = |frame: &usize| hours_apart(self.frames[*frame].hour, hour);
+        (0..self.frames.len()).min_by(|a, b| away(a).total_cmp(&away(b)))
+    }
+
     /// Digest of the light itself, which bundles record: hours, schedules, and the content of masks and
     /// lightmaps. Equal light has the same digest in every version of the format.
     pub fn digest_of_light(&self) -> String {
@@ -244,7 +256,7 @@ impl Group {
         if self.on.iter().any(|[from, to]| to - from >= 24.0) {
             return Some(true);
         }
-        if ends.into_iter().any(|end| (end - hour).abs().min(24.0 - (end - hour).abs()) < 1e-6) {
+        if ends.into_iter().any(|end| hours_apart(*end, hour) < 1e-6) {
             return None;
         }
         Some(self.on.iter().any(|&[from, to]| match from < to {

@@ -103,12 +103,10 @@ impl Writer {
         if manifest.exists() {
             collect_paths(&parse_manifest(&manifest, &read(&manifest)?)?, &mut kept);
         }
-        let mut json = serde_json::to_string_pretty(config)
-            .map_err(|error| Error::invalid(manifest.display(), error))?;
-        json.push('\n');
+        let json = files::json(&manifest, config)?;
         // (What a killed run left there and this one found has a name that may not have reached the disk.)
         files::sync_folder_of(&self.root.join(DATA).join(MANIFEST));
-        files::write_atomically(&manifest, json.as_bytes())?;
+        files::write_atomically(&manifest, &json)?;
         for (path, name) in &self.aliases {
             files::link_or_copy(&self.root.join(path), &self.root.join(name))?;
         }
@@ -316,6 +314,14 @@ impl Dataset {
         check::size(&path, (mask.width, mask.height), page)?;
         self.check_content(&page.mask)?;
         Ok(mask)
+    }
+
+    /// The masks of all pages: see [`Dataset::mask`].
+    ///
+    /// # Errors
+    /// Those of [`Dataset::mask`].
+    pub fn masks(&self) -> Result<Vec<Mask>> {
+        (0..self.config.pages.len()).map(|page| self.mask(page)).collect()
     }
 
     /// The lightmap of a frame on a page: size and checksum checked; non-finite or negative texels are an

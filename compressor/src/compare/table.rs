@@ -12,7 +12,7 @@ use dataset::preview::{exposure, tone_mapped_png};
 use serde::Serialize;
 
 /// Quality of a method on all tiles of a run. Means as in [`crate::evaluate::Quality`].
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Row {
     /// Methods of one family make one line of the plot.
     pub family: &'static str,
@@ -157,20 +157,8 @@ impl Row {
             method: method.to_owned(),
             bpp,
             psnr_db,
-            psnr_range_db: None,
-            psnr_pooled_db: None,
-            psnr_log_db: None,
-            psnr_worst_percent_db: None,
-            one_minus_ssim: None,
-            one_minus_ssim_uniform: None,
-            lpips: None,
-            flip: None,
-            dark_relative_error: None,
-            step_error: None,
-            switch_error: None,
-            encode_seconds: None,
-            decode_milliseconds: None,
             note: "stored bits without headers; the trainer's own PSNR".to_owned(),
+            ..Row::default()
         }
     }
 

@@ -2,12 +2,10 @@
 //! choice of configurations, and for the times between frames, each named by a digest of its inputs; the
 //! notes of shards; the lock.
 
-use super::{beside, shard};
+use super::{beside, folder_beside, note};
 use crate::bundle::{self, Payload, Section};
 use crate::{Error, Result};
-use dataset::files::{
-    create_folders, remove_stale_temporaries, sync_folder_of, temporaries, write_atomically,
-};
+use dataset::files::{remove_stale_temporaries, sync_folder_of, temporaries, write_atomically};
 use dataset::lock::{LOCK, Lock, Shared, lock, share};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -61,7 +59,7 @@ impl Part {
         remove_stale_temporaries(&folder)?;
         let part = Part { folder, held, own: Mutex::default(), written: Mutex::default() };
         if fresh {
-            part.files().chain(shard::files(&part.folder)).for_each(remove);
+            part.files().chain(note::files(&part.folder)).for_each(remove);
             remove(part.folder.join(DONE));
         }
         Ok(part)
@@ -194,8 +192,8 @@ impl Part {
         self.adopt(&done.unwrap_or_default());
         self.own.lock().unwrap_or_else(|e| e.into_inner()).iter().cloned().for_each(remove);
         let left = self.files().count();
-        let is_done = |path: &PathBuf| left == 0 || shard::is_of(path, recipe);
-        shard::files(&self.folder).filter(is_done).for_each(remove);
+        let is_done = |path: &PathBuf| left == 0 || note::is_of(path, recipe);
+        note::files(&self.folder).filter(is_done).for_each(remove);
         // (Of machines that cannot be asked whether their processes run: nobody writes a tile for a day.)
         temporaries(&self.folder).unwrap_or_default().into_iter().filter(is_old).for_each(remove);
         // (The list must not be gone before they are.)
@@ -215,7 +213,7 @@ impl Drop for Part {
     fn drop(&mut self) {
         let is_used = || {
             let tiles = self.files().next().is_some();
-            tiles || shard::files(&self.folder).next().is_some() || self.folder.join(DONE).exists()
+            tiles || note::files(&self.folder).next().is_some() || self.folder.join(DONE).exists()
         };
         if !matches!(self.held, Some(Held::Alone(_))) || is_used() {
             return;
@@ -246,22 +244,13 @@ fn is_old(path: &PathBuf) -> bool {
 /// it in between.)
 fn held(out: &Path, lock: impl Fn(&Path) -> Result<Held>) -> Result<(PathBuf, Option<Held>)> {
     for _ in 0..10 {
-        let folder = created(out)?;
+        let folder = folder_beside(out, ".part")?;
         match lock(&folder) {
             Err(error) if is_not_found(&error) => {}
             held => return Ok((folder, Some(held?))),
         }
     }
     Err(Error::unready(beside(out, ".part").display(), REMOVED))
-}
-
-/// The folder's path; creates the folder if it is missing.
-fn created(out: &Path) -> Result<PathBuf> {
-    let folder = beside(out, ".part");
-    match create_folders(&folder) {
-        Err(error) if !folder.is_dir() => Err(Error::io(&folder)(error)),
-        _ => Ok(folder),
-    }
 }
 
 fn remove(path: PathBuf) {

@@ -4,7 +4,7 @@ use super::{WANTED, glb};
 use crate::bundle::{Bundle, Header};
 use crate::compress::{default_bundle, light_of};
 use crate::{Error, Result, of_bundle};
-use dataset::config::Config;
+use dataset::config::{Config, hours_apart};
 use dataset::store::Dataset;
 use dataset::view::Camera;
 use ndgi::pack::rgb9e5;
@@ -138,10 +138,7 @@ impl Source {
         let count = (bytes / each.max(1)).min(self.frames() as u64) as usize;
         let mut frames: Vec<usize> = Vec::new();
         for wanted in WANTED {
-            let away = |frame: &usize| {
-                let gap = (self.hour(*frame) - wanted).abs();
-                gap.min(24.0 - gap)
-            };
+            let away = |frame: &usize| hours_apart(self.hour(*frame), wanted);
             let left = (0..self.frames()).filter(|frame| !frames.contains(frame));
             frames.extend(left.min_by(|a, b| away(a).total_cmp(&away(b))).filter(|_| frames.len() < count));
         }

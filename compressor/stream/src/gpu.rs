@@ -155,12 +155,7 @@ impl Runtime {
         let done = std::mem::take(&mut self.done);
         let mut report =
             Report { commands: self.stream.step(seen.as_deref(), &done, hour)?, ..Report::default() };
-        for tile in &report.commands.drops {
-            self.waiting.remove(tile);
-            self.sunlight.remove(tile);
-            // An answer that is still to come is of no use.
-            self.asked.retain(|_, read| read.tile != *tile);
-        }
+        report.commands.drops.iter().for_each(|tile| self.forget(*tile));
         report.commands.unloads.iter().for_each(|place| self.pool.unload(*place));
         let mut decodes = report.commands.decodes.clone();
         for load in report.commands.loads.clone() {
@@ -221,15 +216,19 @@ impl Runtime {
                 let mut more = Commands::default();
                 self.stream.refuse(tile, (!is_full).then(|| error.to_string()), &mut more);
                 report.commands.failures.append(&mut more.failures);
-                for tile in more.drops {
-                    self.sunlight.remove(&tile);
-                    self.asked.retain(|_, read| read.tile != tile);
-                }
+                more.drops.into_iter().for_each(|tile| self.forget(tile));
                 more.unloads.iter().chain([&place]).for_each(|place| self.pool.unload(*place));
                 report.refused += 1;
                 false
             }
         }
+    }
+
+    /// Forgets a tile that is off the device; an answer that is still to come is of no use.
+    fn forget(&mut self, tile: Tile) {
+        self.waiting.remove(&tile);
+        self.sunlight.remove(&tile);
+        self.asked.retain(|_, read| read.tile != tile);
     }
 
     fn put(&mut self, queue: &wgpu::Queue, load: &Load, waiting: &Waiting) -> ndgi_gpu::Result<u64> {

@@ -16,7 +16,7 @@ const MUCH_DARKER: f32 = 6.0;
 pub fn section(dataset: &Dataset) -> Result<Section> {
     let config = &dataset.config;
     let mut section = Section::new(&format!("Lightmaps of {}", config.scene));
-    let masks: Vec<Mask> = (0..config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<_>>()?;
+    let masks = dataset.masks()?;
     section.table(&[], &summary(config, &masks));
 
     // Every frame of every page, reduced; (frame, page) in this order.

@@ -9,6 +9,7 @@ use clap::{Parser, Subcommand};
 use dataset::config::{Config, Daylight, Layer};
 use dataset::console::{Console, ConsoleArgs, catch_interrupts, fail};
 use dataset::exchange::lightmaps_of;
+use dataset::image::Mask;
 use dataset::observe::{Meter, count};
 use dataset::store::{Dataset, Verification};
 use dataset::visibility::Visibility;
@@ -178,9 +179,7 @@ fn main() -> ExitCode {
 fn info(console: &Console, folder: &Path) -> Result<()> {
     let dataset = Dataset::open(folder)?;
     let config = &dataset.config;
-    let valid: Vec<usize> = (0..config.pages.len())
-        .map(|page| dataset.mask(page).map(|mask| mask.count()))
-        .collect::<Result<_>>()?;
+    let valid: Vec<usize> = dataset.masks()?.iter().map(Mask::count).collect();
     let (files, bytes) = extent(&dataset);
     let lightmaps = lightmaps_of(&dataset)?;
 
