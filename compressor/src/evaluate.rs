@@ -382,6 +382,11 @@ impl References<'_> {
     }
 }
 
+/// Sizes of pages as text.
+pub(crate) fn sizes<T: std::fmt::Display>(pages: impl Iterator<Item = [T; 2]>) -> String {
+    pages.map(|[width, height]| format!("{width} × {height}")).collect::<Vec<_>>().join(", ")
+}
+
 /// An error unless the bundle has the dataset's pages and hours.
 ///
 /// # Errors
@@ -389,16 +394,12 @@ impl References<'_> {
 pub fn expect_match(dataset: &Dataset, decoder: &Decoder) -> Result<()> {
     let header = &decoder.bundle().header;
     let config = &dataset.config;
-    let pages = |sizes: Vec<(usize, usize)>| {
-        let text = |(width, height): &(usize, usize)| format!("{width} × {height}");
-        sizes.iter().map(text).collect::<Vec<_>>().join(", ")
-    };
     let hours = |hours: Vec<f64>| hours.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
     let kinds = [
         (
             "pages of",
-            pages(header.pages.iter().map(|page| (page.width, page.height)).collect()),
-            pages(config.pages.iter().map(|page| (page.width as usize, page.height as usize)).collect()),
+            sizes(header.pages.iter().map(|page| [page.width, page.height])),
+            sizes(config.pages.iter().map(|page| [page.width, page.height])),
         ),
         (
             "frames at the hours",

@@ -93,6 +93,11 @@ impl Config {
         (0..self.frames.len()).min_by(|a, b| away(a).total_cmp(&away(b)))
     }
 
+    /// The names of the light groups that are on at a frame.
+    pub fn names_on(&self, frame: &Frame) -> impl Iterator<Item = &str> {
+        self.groups.iter().zip(&frame.groups_on).filter(|(_, on)| **on).map(|(group, _)| &*group.name)
+    }
+
     /// Digest of the light itself, which bundles record: hours, schedules, and the content of masks and
     /// lightmaps. Equal light has the same digest in every version of the format.
     pub fn digest_of_light(&self) -> String {
@@ -200,6 +205,13 @@ pub struct Page {
     /// The validity mask: 8-bit grey PNG, 255 where a texel is valid: surface that light reaches; 0
     /// elsewhere.
     pub mask: FileRef,
+}
+
+impl Page {
+    /// Width and height in texels.
+    pub fn size(&self) -> [usize; 2] {
+        [self.width as usize, self.height as usize]
+    }
 }
 
 impl Page {

@@ -381,8 +381,7 @@ impl Dataset {
     /// If `page` is not below the number of pages.
     pub fn light(&self, light: Light, group: Option<u32>, frame: usize, page: usize) -> Result<Image> {
         let files = self.config.files_of(light, group, frame, page);
-        let (width, height) =
-            (self.config.pages[page].width as usize, self.config.pages[page].height as usize);
+        let [width, height] = self.config.pages[page].size();
         let texels = self.sum_rows(&files, page, 0, height)?;
         files.into_iter().try_for_each(|file| self.check_content(file))?;
         Ok(Image { width, height, texels })

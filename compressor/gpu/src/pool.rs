@@ -163,7 +163,7 @@ impl Pool {
         let Features { known, data } = features;
         known.check(of)?;
         let picture = &data.picture;
-        if known.maps.is_some() && picture.is_unpacked() != self.stage.options.unpacks {
+        if known.maps.is_some() && picture.unpacks != self.stage.options.unpacks {
             return Err(Error::Invalid(format!(
                 "features of {:?} were read with options other than Pool::options",
                 known.place

@@ -16,27 +16,20 @@ use serde::Serialize;
 pub struct Row {
     /// Methods of one family make one line of the plot.
     pub family: &'static str,
-    /// Name.
     pub method: String,
     /// Bits per stored texel and frame.
     pub bpp: f64,
-    /// Mean PSNR.
     pub psnr_db: Option<f64>,
     /// Mean PSNR, peak = largest − smallest.
     pub psnr_range_db: Option<f64>,
-    /// Pooled PSNR.
     pub psnr_pooled_db: Option<f64>,
-    /// Mean PSNR of the logarithm.
     pub psnr_log_db: Option<f64>,
     /// Mean PSNR of the worst 1 %.
     pub psnr_worst_percent_db: Option<f64>,
-    /// 1 − mean structural similarity.
     pub one_minus_ssim: Option<f64>,
     /// The same with a 7×7 box window.
     pub one_minus_ssim_uniform: Option<f64>,
-    /// Mean LPIPS.
     pub lpips: Option<f64>,
-    /// Mean HDR-ꟻLIP.
     pub flip: Option<f64>,
     /// Relative error in the darkest quarter of each frame.
     pub dark_relative_error: Option<f64>,

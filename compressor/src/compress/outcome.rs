@@ -3,12 +3,12 @@
 use super::beside;
 use super::stats::TileStats;
 use super::tiles::Work;
+use crate::Result;
 use crate::bundle::{Header, Payload};
 use crate::grid::Place;
 use crate::lanes::Tier;
 use crate::mean::{mean, weighted_mean};
 use crate::model::Contents;
-use crate::Result;
 use dataset::files::{json, write_atomically};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

@@ -3,6 +3,7 @@
 use super::{WANTED, glb};
 use crate::bundle::{Bundle, Header};
 use crate::compress::{default_bundle, light_of};
+use crate::evaluate::sizes;
 use crate::{Error, Result, of_bundle};
 use dataset::config::{Config, hours_apart};
 use dataset::store::Dataset;
@@ -244,12 +245,8 @@ fn difference(header: &Header, config: &Config) -> Option<String> {
     if found != expected {
         return Some(format!("is a bundle of scene {found:?}; expected one of {expected:?}"));
     }
-    let text = |sizes: Vec<(usize, usize)>| {
-        let of = |(width, height): &(usize, usize)| format!("{width} × {height}");
-        sizes.iter().map(of).collect::<Vec<_>>().join(", ")
-    };
-    let found = text(header.pages.iter().map(|page| (page.width, page.height)).collect());
-    let expected = text(config.pages.iter().map(|p| (p.width as usize, p.height as usize)).collect());
+    let found = sizes(header.pages.iter().map(|page| [page.width, page.height]));
+    let expected = sizes(config.pages.iter().map(|page| [page.width, page.height]));
     (found != expected)
         .then(|| format!("has pages of {found} texels; expected those of the dataset, {expected}"))
 }

@@ -113,7 +113,11 @@ impl Runtime {
             );
             return Err(crate::Error::Device(what));
         }
-        let [maps, sun] = ["ndgi slots", "ndgi slots, sun"].map(|label| slots_of(device, label, size));
+        let [maps, sun] = ["ndgi slots", "ndgi slots, sun"].map(|label| {
+            let usage = wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::TEXTURE_BINDING;
+            let slots = feedback::texture(device, label, size, wgpu::TextureFormat::Rgba16Float, usage);
+            slots.create_view(&Default::default())
+        });
         let table = Table::new(device, queue, &pyramid, [&maps, &sun], (across, settings.exposure));
         let feedback = Feedback::new(device, settings.feedback);
         Ok(Runtime {
@@ -359,18 +363,4 @@ fn pool_of(
     let pool = Pool::new(device, queue, &bundles, settings.budgets.features, settings.options.clone())?;
     pool.prepare(Output::Rgba16Float);
     Ok(pool)
-}
-
-fn slots_of(device: &wgpu::Device, label: &str, [width, height]: [u32; 2]) -> wgpu::TextureView {
-    let texture = device.create_texture(&wgpu::TextureDescriptor {
-        label: Some(label),
-        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format: wgpu::TextureFormat::Rgba16Float,
-        usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::TEXTURE_BINDING,
-        view_formats: &[],
-    });
-    texture.create_view(&Default::default())
 }

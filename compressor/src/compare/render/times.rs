@@ -17,7 +17,6 @@ const BESIDE: f64 = 0.05;
 /// A time that is shown.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Shown {
-    /// Its hour.
     pub hour: f64,
     /// Which it is.
     pub what: String,
