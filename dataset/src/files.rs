@@ -282,7 +282,7 @@ fn folder_of(path: &Path) -> Option<&Path> {
 /// The bytes of a JSON file for people; `place` is where it goes.
 ///
 /// # Errors
-/// [`Error::Invalid`] for a value that is none in JSON.
+/// [`Error::Invalid`] for a value that JSON cannot hold.
 pub fn json(place: &Path, value: &impl serde::Serialize) -> Result<Vec<u8>> {
     let mut json =
         serde_json::to_vec_pretty(value).map_err(|error| Error::invalid(place.display(), error))?;
