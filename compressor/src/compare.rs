@@ -24,8 +24,7 @@ mod methods;
 mod ablations;
 mod render;
 
-pub use render::{Crop, Line, Rendered, Seen, ShownTime};
-pub use table::{Comparison, Row};
+pub use table::Comparison;
 
 use crate::compress::{DRAFT, MEDIUM, Preset};
 use crate::evaluate::SlowMetrics;
@@ -38,8 +37,8 @@ use judge::{Judge, Judged};
 use method::{Method, Way};
 use methods::{foreign, named, own};
 use prt::Transfer;
-use render::Stage;
-use table::Shown;
+use render::{Rendered, Stage};
+use table::{Row, Shown};
 use tiles::TileSet;
 
 /// Options of a comparison.

@@ -6,6 +6,7 @@
 //! is a time limit.
 
 mod options;
+mod note;
 mod part;
 mod shard;
 mod stats;
@@ -17,15 +18,16 @@ mod existing;
 mod job;
 
 pub(crate) use job::timeline;
+pub use note::{Note, Shard, Stage};
 pub use options::{DRAFT, FINAL, MEDIUM, Options, PRESETS, Preset, Rate};
 pub use outcome::{CurvePoint, Outcome, TileOutcome};
-pub use shard::{Note, Shard, Stage, Status, status};
+pub use shard::{Status, status};
 pub use stats::TileStats;
 pub(crate) use tiles::{of_tile, seed};
 
 use crate::bundle::{self, Header};
 use crate::{Error, Result, of_bundle};
-use dataset::files::{expect_writable, sync_folder_of, write_atomically};
+use dataset::files::{create_folders, expect_writable, sync_folder_of, write_atomically};
 use dataset::observe::{Observer, count};
 use dataset::store::Dataset;
 use existing::is_alike;
@@ -44,14 +46,17 @@ pub fn default_bundle(dataset: &Dataset) -> PathBuf {
 /// The digest of the light that a bundle was made from ([`dataset::config::Config::digest_of_light`]), if the
 /// bundle has it.
 pub fn light_of(header: &Header) -> Option<String> {
-    let info: serde_json::Value = serde_json::from_str(&header.info).ok()?;
-    Some(info["inputs"].as_str()?.to_owned())
+    info(header)["inputs"].as_str().map(str::to_owned)
+}
+
+/// What a header says of how its bundle was made.
+pub(crate) fn info(header: &Header) -> serde_json::Value {
+    serde_json::from_str(&header.info).unwrap_or_default()
 }
 
 /// True if a bundle omits the sun's direct light that its dataset stores separately.
 pub(crate) fn sun_is_omitted(header: &Header) -> bool {
-    let info: serde_json::Value = serde_json::from_str(&header.info).unwrap_or_default();
-    info["sun"] == "left out"
+    info(header)["sun"] == "left out"
 }
 
 /// Trains every tile of the dataset in `root` (with [`Options::merge`], takes those of shards), and writes
@@ -204,4 +209,13 @@ pub(crate) fn beside(path: &Path, suffix: &str) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(suffix);
     name.into()
+}
+
+/// The folder with such a name, created if it is missing.
+pub(crate) fn folder_beside(path: &Path, suffix: &str) -> Result<PathBuf> {
+    let folder = beside(path, suffix);
+    match create_folders(&folder) {
+        Err(error) if !folder.is_dir() => Err(Error::io(&folder)(error)),
+        _ => Ok(folder),
+    }
 }

@@ -20,6 +20,7 @@ pub use between::Between;
 pub use quality::Quality;
 pub(crate) use quality::quality;
 pub use rgbe::{from_rgbe, to_rgbe};
+pub(crate) use sample::Strip;
 pub use sample::{Sample, SlowMetrics};
 pub use shadows::Shadows;
 pub use steps::{Step, Steps};
@@ -38,7 +39,6 @@ use dataset::observe::{Meter, Observer};
 use dataset::signals::stop_if_interrupted;
 use dataset::store::Dataset;
 use dataset::tiles::TILE;
-use sample::Strip;
 use seams::Seams;
 use std::ops::Range;
 
@@ -127,7 +127,7 @@ pub fn evaluate(
 ) -> Result<Evaluation> {
     expect_match(dataset, decoder)?;
     let noise = dataset.noise()?;
-    let masks = (0..dataset.config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
+    let masks = dataset.masks()?;
     let strips = masks.iter().map(strips).collect();
     let (law, lights) = (reference_law(decoder), Lights::All);
     let mut lightmaps = Lightmaps {
@@ -198,7 +198,6 @@ struct Lightmaps<'a> {
     noise: Option<Noise>,
     /// Frames of a lower mean are too dark to evaluate in their darkest texels.
     visible: f64,
-    /// Of each page.
     masks: Vec<Mask>,
     /// Of each page, the rows of its strips.
     strips: Vec<Vec<Range<usize>>>,
@@ -314,9 +313,7 @@ impl Found {
         let files = |k: usize| frames[k].maps.iter().map(|map| &map.blake3).collect::<Vec<_>>();
         let mut seen = std::collections::BTreeSet::new();
         let firsts: Vec<usize> = (0..frames.len()).filter(|&k| seen.insert(files(k))).collect();
-        let valid = (0..pages.len())
-            .map(|page| Ok(dataset.mask(page)?.valid.iter().filter(|valid| **valid).count()))
-            .sum::<Result<usize>>()?;
+        let valid: usize = dataset.masks()?.iter().map(Mask::count).sum();
         let is_sunny = |k: usize| {
             let mut direct = dataset.config.layers.iter().filter(|layer| layer.is_direct_sun());
             direct.any(|layer| (0..pages.len()).any(|page| layer.file(k, page).is_some()))
@@ -385,6 +382,11 @@ impl References<'_> {
     }
 }
 
+/// Sizes of pages as text.
+pub(crate) fn sizes<T: std::fmt::Display>(pages: impl Iterator<Item = [T; 2]>) -> String {
+    pages.map(|[width, height]| format!("{width} × {height}")).collect::<Vec<_>>().join(", ")
+}
+
 /// An error unless the bundle has the dataset's pages and hours.
 ///
 /// # Errors
@@ -392,16 +394,12 @@ impl References<'_> {
 pub fn expect_match(dataset: &Dataset, decoder: &Decoder) -> Result<()> {
     let header = &decoder.bundle().header;
     let config = &dataset.config;
-    let pages = |sizes: Vec<(usize, usize)>| {
-        let text = |(width, height): &(usize, usize)| format!("{width} × {height}");
-        sizes.iter().map(text).collect::<Vec<_>>().join(", ")
-    };
     let hours = |hours: Vec<f64>| hours.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
     let kinds = [
         (
             "pages of",
-            pages(header.pages.iter().map(|page| (page.width, page.height)).collect()),
-            pages(config.pages.iter().map(|page| (page.width as usize, page.height as usize)).collect()),
+            sizes(header.pages.iter().map(|page| [page.width, page.height])),
+            sizes(config.pages.iter().map(|page| [page.width, page.height])),
         ),
         (
             "frames at the hours",

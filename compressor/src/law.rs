@@ -8,8 +8,8 @@
 use crate::model::Knot;
 use crate::time::{TimePoint, Timeline};
 use crate::{Error, Result};
-use dataset::config::{Config, FileRef, Layer, Light, Part};
-use dataset::curve::Curve;
+use dataset::config::{Config, FileRef, Layer, Light};
+use dataset::curve::{Curve, kept};
 use dataset::image::Mask;
 use dataset::signals::stop_if_interrupted;
 use dataset::store::Dataset;
@@ -118,9 +118,7 @@ impl Law {
         if !self.is_apart {
             return vec![&config.frames[frame].maps[page].path];
         }
-        let daylight = config.layers.iter().filter(|layer| matches!(layer.light, Light::Sun | Light::Sky));
-        let daylight =
-            daylight.filter(|layer| !layer.is_direct_sun()).filter_map(|layer| layer.file(frame, page));
+        let daylight = daylight(config).filter_map(|(_, layer)| layer.file(frame, page));
         let local = config.files_of_local(frame, page).into_iter().flatten();
         daylight.chain(local).map(|file| file.path.as_str()).collect()
     }
@@ -142,22 +140,16 @@ impl Law {
         if !self.is_apart {
             return Ok((dataset.map_rows(frame, page, y0, y1)?, layers));
         }
-        let is_whole = |layer: &Layer| (layer.light, layer.part) == (Light::Sun, Part::All);
-        if config.layers.is_empty() || config.layers.iter().any(is_whole) {
+        if config.layers.is_empty() || config.layers.iter().any(Layer::is_whole_sun) {
             let what = "has no separate layers of the sun's direct light, so the light without it is unknown";
             return Err(Error::unsupported(dataset.root.display(), what));
         }
         // ((sun indirect + sky) + local), as in frames but for the sun's direct light.
-        let daylight = config
-            .layers
-            .iter()
-            .enumerate()
-            .filter(|(_, layer)| matches!(layer.light, Light::Sun | Light::Sky));
         let mut sum = vec![[0.0f32; 3]; config.pages[page].width as usize * (y1 - y0)];
         let mut add = |texels: &[[f32; 3]]| {
             sum.iter_mut().flatten().zip(texels.as_flattened()).for_each(|(sum, texel)| *sum += texel);
         };
-        for (i, layer) in daylight.filter(|(_, layer)| !layer.is_direct_sun()) {
+        for (i, layer) in daylight(config) {
             match self.curves.iter().position(|(of, _)| *of == i) {
                 Some(at) => layers[at].iter().for_each(|texels| add(texels)),
                 None => layer.file(frame, page).map(&read).transpose()?.iter().for_each(|texels| add(texels)),
@@ -239,23 +231,17 @@ impl Law {
                     std::array::from_fn(|c| weighed.iter().flatten().map(|part| part[c]).sum())
                 })
                 .collect();
-            let is_straight = |from: usize, to: usize| {
-                (from + 1..to).all(|i| {
-                    let part = (minutes[i] - minutes[from]) / (minutes[to] - minutes[from]);
-                    (0..3).all(|c| {
-                        let line = light[from][c] + (light[to][c] - light[from][c]) * part;
-                        (line - light[i][c]).abs() <= (WRONG * light[i][c]).max(TRIFLE * brightest)
-                    })
+            let is_on_line = |from: usize, i: usize, to: usize| {
+                let part = (minutes[i] - minutes[from]) / (minutes[to] - minutes[from]);
+                (0..3).all(|c| {
+                    let line = light[from][c] + (light[to][c] - light[from][c]) * part;
+                    (line - light[i][c]).abs() <= (WRONG * light[i][c]).max(TRIFLE * brightest)
                 })
             };
-            let (mut from, last) = (0, minutes.len() - 1);
-            while from < last {
-                let to = (from + 2..=last).take_while(|&to| is_straight(from, to)).last().unwrap_or(from + 1);
-                if to < last {
-                    found.push((timeline.hours[a] + minutes[to]).rem_euclid(24.0));
-                }
-                from = to;
-            }
+            // Without the frames themselves.
+            let last = minutes.len() - 1;
+            let between = kept(last, is_on_line).into_iter().filter(|i| (1..last).contains(i));
+            found.extend(between.map(|i| (timeline.hours[a] + minutes[i]).rem_euclid(24.0)));
         }
         found.sort_by(f64::total_cmp);
         found.dedup();
@@ -331,11 +317,6 @@ impl Law {
         }
         knots.into_values().collect()
     }
-
-    /// How many layers have a curve.
-    pub fn curves(&self) -> usize {
-        self.curves.len()
-    }
 }
 
 /// Light of texels: all that the maps hold, and per curve its layer's, where it is not black.
@@ -377,6 +358,13 @@ impl Sums {
 /// Rows of files that several frames name.
 pub type LayerRows<'a> = BTreeMap<&'a str, Vec<[f32; 3]>>;
 
+/// The layers of the sun's and the sky's light with their indices, but for the sun's direct light.
+fn daylight(config: &Config) -> impl Iterator<Item = (usize, &Layer)> {
+    let is_daylight =
+        |layer: &Layer| matches!(layer.light, Light::Sun | Light::Sky) && !layer.is_direct_sun();
+    config.layers.iter().enumerate().filter(move |(_, layer)| is_daylight(layer))
+}
+
 /// True if a dataset has the sun's direct light at any time: as a separate layer, with visibility.
 pub fn is_sun_apart(config: &Config) -> bool {
     config.visibility.is_some() && config.sun_path.is_some() && config.layers.iter().any(Layer::is_direct_sun)
@@ -384,6 +372,5 @@ pub fn is_sun_apart(config: &Config) -> bool {
 
 /// True if a dataset has the sun's direct light as a separate layer, so it can be omitted.
 pub fn can_omit_sun(config: &Config) -> bool {
-    let is_whole = |layer: &Layer| (layer.light, layer.part) == (Light::Sun, Part::All);
-    config.layers.iter().any(Layer::is_direct_sun) && !config.layers.iter().any(is_whole)
+    config.layers.iter().any(Layer::is_direct_sun) && !config.layers.iter().any(Layer::is_whole_sun)
 }

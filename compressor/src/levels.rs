@@ -4,21 +4,20 @@
 //! The halved datasets are stored in the folder `<bundle>.levels/` until all levels are done, so that a
 //! stopped run can continue.
 
-use crate::compress::{Options, beside, compress};
+use crate::compress::{Options, compress, folder_beside, info};
 use crate::decode::Decoder;
 use crate::evaluate::{Measures, evaluate};
 use crate::model::PAYLOAD;
-use crate::{Error, Result, of_bundle};
+use crate::{Result, of_bundle};
 use commands::report::Section;
 use dataset::config::Page;
-use dataset::files::{create_folders, remove_folder};
+use dataset::files::remove_folder;
 use dataset::halve::{halve, open};
 use dataset::lock::{LOCK, lock};
 use dataset::observe::Observer;
 use dataset::store::Dataset;
 use ndgi::Bundle;
 use serde::Serialize;
-use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -82,11 +81,7 @@ pub fn options(options: &Options, pages: &[Page], level: u32) -> Options {
 pub fn levels(root: &Path, of: &Options, bundle: &Path, console: &dyn Observer) -> Result<Vec<Level>> {
     let mut source = Dataset::open(root)?;
     let pages = source.config.pages.clone();
-    let work = beside(bundle, ".levels");
-    match create_folders(&work) {
-        Err(error) if !work.is_dir() => return Err(Error::io(&work)(error)),
-        _ => {}
-    }
+    let work = folder_beside(bundle, ".levels")?;
     let lock = lock(
         &work,
         "another run is writing the levels of this bundle",
@@ -125,9 +120,7 @@ pub fn levels(root: &Path, of: &Options, bundle: &Path, console: &dyn Observer) 
 pub fn stale(dataset: &Dataset, bundle: &Path) -> Vec<PathBuf> {
     let light = dataset.config.digest_of_light();
     let is_other = |path: &PathBuf| {
-        let opened = Bundle::open(path).ok();
-        let info = opened.and_then(|opened| serde_json::from_str::<Value>(&opened.header.info).ok());
-        info.is_none_or(|info| info["level_of"] != light.as_str())
+        !Bundle::open(path).is_ok_and(|opened| info(&opened.header)["level_of"] == light.as_str())
     };
     (1..).map(|level| name(bundle, level)).take_while(|path| path.exists()).filter(is_other).collect()
 }

@@ -15,6 +15,7 @@ use crate::Result;
 use crate::grid::{Grid, Place};
 use crate::tile::{self, Band, Coverage, GUTTER};
 use dataset::config::Layer;
+use dataset::curve::kept;
 use dataset::image::Mask;
 use dataset::observe::Observer;
 use dataset::signals::stop_if_interrupted;
@@ -418,13 +419,7 @@ fn thinned(path: &dataset::sun::SunPath) -> SunPath {
             (a[k] + (b[k] - a[k]) * part - value[k]).abs() <= PATH * unit
         })
     };
-    let last = path.hours.len() - 1;
-    let (mut kept, mut at) = (vec![0], 0);
-    while at < last {
-        let reached = (at + 2..=last).take_while(|&to| (at + 1..to).all(|i| is_on_line(at, i, to))).last();
-        at = reached.unwrap_or(at + 1);
-        kept.push(at);
-    }
+    let kept = kept(path.hours.len() - 1, is_on_line);
     let pick = |of: &[[f32; 3]]| kept.iter().map(|&i| of[i]).collect();
     SunPath {
         hours: kept.iter().map(|&i| path.hours[i]).collect(),

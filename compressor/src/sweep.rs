@@ -108,7 +108,7 @@ struct Measured {
 /// As [`crate::compress::compress`].
 pub fn sweep(dataset: &Dataset, options: &Options, console: &dyn Observer) -> Result<Sweep> {
     dataset.expect_day()?;
-    let masks = (0..dataset.config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
+    let masks = dataset.masks()?;
     let (places, of) = choose(&masks, options);
     let timeline = timeline(dataset);
     let law = Law::new(dataset, is_sun_apart(&dataset.config))?;

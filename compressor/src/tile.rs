@@ -128,7 +128,6 @@ pub struct Band {
     grid: Grid,
     page: usize,
     row: usize,
-    /// The frames' hours.
     hours: Vec<f64>,
     /// The page rows held.
     rows: Range<usize>,
@@ -187,13 +186,13 @@ impl Band {
             let files = law.files(dataset, k, page);
             // Frames of the same light have the same shares of it, unless the shares alone are wanted.
             if let Some(texels) = read.get(&files)
-                && law.curves() == 0
+                && !law.has_curves()
             {
                 frames.push(texels.clone());
                 continue;
             }
             let light = law.rows(dataset, [k, page], [rows.start, rows.end], &mut kept)?;
-            if law.curves() > 0 {
+            if law.has_curves() {
                 for (column, shares) in shares.iter_mut().enumerate() {
                     let own = column * PAYLOAD..((column + 1) * PAYLOAD).min(grid.width);
                     let mut sums = Sums::new(law);

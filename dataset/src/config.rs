@@ -80,7 +80,24 @@ pub struct Config {
     pub transfer: Option<Transfer>,
 }
 
+/// Hours between two times of day, the short way around the clock.
+pub fn hours_apart(a: f64, b: f64) -> f64 {
+    let straight = (a - b).abs();
+    straight.min(24.0 - straight)
+}
+
 impl Config {
+    /// The frame that is nearest to an hour around the clock.
+    pub fn nearest_frame(&self, hour: f64) -> Option<usize> {
+        let away = |frame: &usize| hours_apart(self.frames[*frame].hour, hour);
+        (0..self.frames.len()).min_by(|a, b| away(a).total_cmp(&away(b)))
+    }
+
+    /// The names of the light groups that are on at a frame.
+    pub fn names_on(&self, frame: &Frame) -> impl Iterator<Item = &str> {
+        self.groups.iter().zip(&frame.groups_on).filter(|(_, on)| **on).map(|(group, _)| &*group.name)
+    }
+
     /// Digest of the light itself, which bundles record: hours, schedules, and the content of masks and
     /// lightmaps. Equal light has the same digest in every version of the format.
     pub fn digest_of_light(&self) -> String {
@@ -191,6 +208,13 @@ pub struct Page {
 }
 
 impl Page {
+    /// Width and height in texels.
+    pub fn size(&self) -> [usize; 2] {
+        [self.width as usize, self.height as usize]
+    }
+}
+
+impl Page {
     /// An atlas page of this size in texels.
     pub fn atlas(width: u32, height: u32, mask: FileRef) -> Self {
         Page { kind: PageKind::Atlas, width, height, mask }
@@ -244,7 +268,7 @@ impl Group {
         if self.on.iter().any(|[from, to]| to - from >= 24.0) {
             return Some(true);
         }
-        if ends.into_iter().any(|end| (end - hour).abs().min(24.0 - (end - hour).abs()) < 1e-6) {
+        if ends.into_iter().any(|end| hours_apart(*end, hour) < 1e-6) {
             return None;
         }
         Some(self.on.iter().any(|&[from, to]| match from < to {

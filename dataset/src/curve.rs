@@ -10,9 +10,9 @@
 //!
 //! per red, green and blue.
 
-use crate::files::read_json;
+use crate::Result;
+use crate::files::read_checked;
 use crate::visibility::Between;
-use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -38,11 +38,7 @@ impl Curve {
     /// # Errors
     /// [`Error::Io`]; [`Error::Invalid`] with the time whose value is wrong.
     pub fn read(path: &Path) -> Result<Self> {
-        let found: Curve = read_json(path)?;
-        match found.fault() {
-            Some(what) => Err(Error::invalid(path.display(), what)),
-            None => Ok(found),
-        }
+        read_checked(path, Curve::fault)
     }
 
     /// A message if it is invalid.
@@ -96,19 +92,25 @@ impl Curve {
             })
         };
         let Some(last) = self.hours.len().checked_sub(1) else { return self.clone() };
-        let (mut kept, mut at) = (vec![0], 0);
-        while at < last {
-            // One by one: a time that can be reached stays one that can be tried from.
-            let next =
-                (at + 2..=last).take_while(|&next| (at + 1..next).all(|i| is_on_line(at, i, next))).last();
-            at = next.unwrap_or(at + 1);
-            kept.push(at);
-        }
+        let kept = kept(last, is_on_line);
         Curve {
             hours: kept.iter().map(|&i| self.hours[i]).collect(),
             values: kept.iter().map(|&i| self.values[i]).collect(),
         }
     }
+}
+
+/// As few of the points from 0 to `last` as hold the others: `is_on_line(from, i, to)` of every point `i`
+/// between two that follow each other.
+pub fn kept(last: usize, is_on_line: impl Fn(usize, usize, usize) -> bool) -> Vec<usize> {
+    let (mut kept, mut at) = (vec![0], 0);
+    while at < last {
+        // One by one: a point that can be reached stays one that can be tried from.
+        let next = (at + 2..=last).take_while(|&next| (at + 1..next).all(|i| is_on_line(at, i, next))).last();
+        at = next.unwrap_or(at + 1);
+        kept.push(at);
+    }
+    kept
 }
 
 /// How far an hour is from one to another, from 0 to 1.

@@ -279,9 +279,32 @@ fn folder_of(path: &Path) -> Option<&Path> {
     }
 }
 
+/// The bytes of a JSON file for people; `place` is where it goes.
+///
+/// # Errors
+/// [`Error::Invalid`] for a value that JSON cannot hold.
+pub fn json(place: &Path, value: &impl serde::Serialize) -> Result<Vec<u8>> {
+    let mut json =
+        serde_json::to_vec_pretty(value).map_err(|error| Error::invalid(place.display(), error))?;
+    json.push(b'\n');
+    Ok(json)
+}
+
 /// Reads a JSON file.
 pub(crate) fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
     serde_json::from_slice(&fs::read(path).map_err(Error::io(path))?).map_err(Error::json(path))
+}
+
+/// Reads a JSON file whose values must have no fault.
+pub(crate) fn read_checked<T: serde::de::DeserializeOwned>(
+    path: &Path,
+    fault: impl Fn(&T) -> Option<String>,
+) -> Result<T> {
+    let found: T = read_json(path)?;
+    match fault(&found) {
+        Some(what) => Err(Error::invalid(path.display(), what)),
+        None => Ok(found),
+    }
 }
 
 /// Whether a name is one plain component of a path on every system.

@@ -66,15 +66,10 @@ impl Image {
     /// Reads an EXR file with channels R, G, B. Every texel must be finite; layers' negative values are the
     /// caller's rule.
     pub fn read_exr(path: &Path) -> Result<Self> {
-        let image = Self::read_exr_unchecked(path)?;
-        refuse_texels(path, image.width, 0, &image.texels, |value| !value.is_finite(), "a finite value")?;
-        Ok(image)
-    }
-
-    /// [`Image::read_exr`] without checking the values.
-    pub(crate) fn read_exr_unchecked(path: &Path) -> Result<Self> {
         let (width, height) = read_exr_size(path)?;
-        Ok(Image { width, height, texels: read_exr_rows(path, 0, height)? })
+        let texels = read_exr_rows(path, 0, height)?;
+        refuse_texels(path, width, 0, &texels, |value| !value.is_finite(), "a finite value")?;
+        Ok(Image { width, height, texels })
     }
 }
 

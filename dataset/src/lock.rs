@@ -71,24 +71,17 @@ pub fn lock(folder: &Path, who: &str, advice: &str) -> Result<Lock> {
 /// # Errors
 /// As [`lock`], which says what `who` and `advice` are.
 pub fn share(folder: &Path, who: &str, advice: &str) -> Result<Shared> {
-    let path = folder.join(LOCK);
-    let open = || File::options().read(true).write(true).create(true).truncate(false).open(&path);
-    let mut file = open().map_err(Error::io(&path))?;
-    let busy = |by: Option<Process>| {
-        let by = by.map_or(String::new(), |by| format!(" ({})", told(&by)));
-        Error::unready(folder.display(), format!("{who}{by}; {advice}"))
-    };
+    let mut file = open(&folder.join(LOCK))?;
+    let busy = |by: String| Error::unready(folder.display(), format!("{who}{by}; {advice}"));
     if matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock)) {
-        return Err(busy(holder(&mut file)));
+        return Err(busy(here(holder(&mut file))));
     }
     // (Of another machine, which the file system did not tell.)
-    match File::open(folder.join(CLAIM)).ok().map(|mut claim| holder(&mut claim)) {
-        Some(by) if by.as_ref().is_some_and(Process::is_gone) => Ok(Shared { _file: file }),
-        Some(by) if by.as_ref().is_some_and(|by| by.machine == Process::this().machine) => Err(busy(by)),
-        Some(by) => {
-            let by = elsewhere(by, &folder.join(CLAIM));
-            Err(Error::unready(folder.display(), format!("{who}{by}; {advice}")))
-        }
+    let path = folder.join(CLAIM);
+    match File::open(&path).ok().map(|mut claim| holder(&mut claim)) {
+        Some(Some(by)) if by.is_gone() => Ok(Shared { _file: file }),
+        Some(Some(by)) if by.machine == Process::this().machine => Err(busy(here(Some(by)))),
+        Some(by) => Err(busy(elsewhere(by, &path))),
         None => Ok(Shared { _file: file }),
     }
 }
@@ -96,20 +89,18 @@ pub fn share(folder: &Path, who: &str, advice: &str) -> Result<Shared> {
 impl System<'_> {
     fn lock(&self, folder: &Path, who: &str, advice: &str) -> Result<Lock> {
         let path = folder.join(LOCK);
-        let open = || File::options().read(true).write(true).create(true).truncate(false).open(&path);
-        let mut file = open().map_err(Error::io(&path))?;
-        let busy = |by: String| Error::unready(folder.display(), format!("{who}{by}; {advice}"));
+        let mut file = open(&path)?;
         let is_locked = match (self.flock)(&file) {
             Ok(()) => true,
             Err(TryLockError::WouldBlock) => {
-                let by = holder(&mut file).map_or(String::new(), |by| format!(" ({})", told(&by)));
-                return Err(busy(by));
+                let by = here(holder(&mut file));
+                return Err(Error::unready(folder.display(), format!("{who}{by}; {advice}")));
             }
             // Not on this file system.
             Err(TryLockError::Error(_)) => false,
         };
         // A lock that a second opening of the file can have too is none.
-        let second = open().map_err(Error::io(&path))?;
+        let second = open(&path)?;
         let is_exclusive = is_locked && matches!((self.flock)(&second), Err(TryLockError::WouldBlock));
         drop(second);
         let claim = match is_exclusive && (self.is_local)(folder) {
@@ -130,10 +121,10 @@ impl System<'_> {
 
     fn claim(&self, folder: &Path, who: &str, advice: &str) -> Result<Claim> {
         let path = folder.join(CLAIM);
-        let busy = |by: &str| Error::unready(folder.display(), format!("{who}{by}; {advice}"));
+        let busy = |by: String| Error::unready(folder.display(), format!("{who}{by}; {advice}"));
         // Of this machine's processes one at a time gets beyond this line, whatever the file system does.
         let socket = match guard(folder) {
-            Err(e) if e.kind() == ErrorKind::AddrInUse => return Err(busy("")),
+            Err(e) if e.kind() == ErrorKind::AddrInUse => return Err(busy(here(None))),
             socket => socket.ok(),
         };
         loop {
@@ -165,15 +156,15 @@ impl System<'_> {
             };
             match by {
                 Some(by) if by.is_gone() => fs::remove_file(&path).map_err(Error::io(&path))?,
-                Some(by) if by.machine == self.process.machine => {
-                    return Err(busy(&format!(" ({})", told(&by))));
-                }
-                by => {
-                    return Err(busy(&elsewhere(by, &path)));
-                }
+                Some(by) if by.machine == self.process.machine => return Err(busy(here(Some(by)))),
+                by => return Err(busy(elsewhere(by, &path))),
             }
         }
     }
+}
+
+fn open(path: &Path) -> Result<File> {
+    File::options().read(true).write(true).create(true).truncate(false).open(path).map_err(Error::io(path))
 }
 
 /// Who wrote a lock file or a claim.
@@ -181,6 +172,11 @@ fn holder(file: &mut File) -> Option<Process> {
     let mut text = String::new();
     file.read_to_string(&mut text).ok()?;
     serde_json::from_str(&text).ok()
+}
+
+/// Who has a folder from this machine, where that is known.
+fn here(by: Option<Process>) -> String {
+    by.map_or(String::new(), |by| format!(" ({})", told(&by)))
 }
 
 /// Who has a folder from another machine, and what to do if that machine is dead.

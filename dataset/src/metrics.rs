@@ -27,7 +27,7 @@ pub const PSNR_CAP_DB: f64 = 100.0;
 pub const RELATIVE_FLOOR: f64 = 1e-3;
 
 /// Quality of one tile of one frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TileQuality {
     /// Valid texels.
     pub texels: usize,
@@ -93,38 +93,21 @@ pub fn valid_sum(texels: &[[f32; 3]], valid: &[bool]) -> (f64, usize) {
 
 /// Compares one tile. `decoded` and `reference` have the page's size.
 pub fn compare(decoded: &Image, reference: &Image, mask: &Mask, tile: Rect) -> TileQuality {
-    let width = reference.width;
     let (mut texels, mut squared_error, mut sum) = (0usize, 0.0f64, 0.0f64);
     let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-    for y in tile.y0..tile.y1 {
-        for index in y * width + tile.x0..y * width + tile.x1 {
-            if !mask.valid[index] {
-                continue;
-            }
-            texels += 1;
-            for channel in 0..3 {
-                let value = reference.texels[index][channel];
-                let error = f64::from(decoded.texels[index][channel]) - f64::from(value);
-                squared_error += error * error;
-                sum += f64::from(value);
-                low[channel] = low[channel].min(value);
-                high[channel] = high[channel].max(value);
-            }
+    for index in tile.valid(mask) {
+        texels += 1;
+        for channel in 0..3 {
+            let value = reference.texels[index][channel];
+            let error = f64::from(decoded.texels[index][channel]) - f64::from(value);
+            squared_error += error * error;
+            sum += f64::from(value);
+            low[channel] = low[channel].min(value);
+            high[channel] = high[channel].max(value);
         }
     }
     if texels == 0 {
-        return TileQuality {
-            texels,
-            squared_error,
-            peak: 0.0,
-            range: 0.0,
-            mean: 0.0,
-            constant: true,
-            psnr_db: None,
-            psnr_range_db: None,
-            ssim: None,
-            ssim_uniform: None,
-        };
+        return TileQuality { constant: true, ..TileQuality::default() };
     }
     let samples = (3 * texels) as f64;
     let mse = squared_error / samples;

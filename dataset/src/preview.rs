@@ -3,6 +3,7 @@
 use crate::Result;
 use crate::image::{Image, Mask, encode_png};
 use crate::store::Dataset;
+use crate::tone::{bent_code, luminance};
 use rayon::prelude::*;
 
 /// Colour of texels on no surface.
@@ -130,26 +131,16 @@ impl Reduction {
     }
 }
 
+/// Where the tone curve leaves the straight line: 1 becomes 0.93.
+const KNEE: f32 = 0.8;
+
 /// The image as an sRGB PNG, invalid texels a neutral dark tone.
 pub fn encode(image: &Image, mask: &Mask, exposure: f32) -> Vec<u8> {
     let texels = image.texels.iter().zip(&mask.valid);
-    let pixels =
-        texels.flat_map(|(texel, valid)| if *valid { texel.map(|v| tone(v * exposure)) } else { INVALID });
+    let pixels = texels.flat_map(
+        |(texel, valid)| if *valid { texel.map(|v| bent_code(v * exposure, KNEE)) } else { INVALID },
+    );
     encode_png(&pixels.collect::<Vec<u8>>(), image.width, image.height, image::ExtendedColorType::Rgb8)
-}
-
-/// Linear up to 0.8, a soft shoulder above it (1 becomes 0.93), then the sRGB curve (IEC 61966-2-1).
-fn tone(exposed: f32) -> u8 {
-    const KNEE: f32 = 0.8;
-    let x = if exposed.is_nan() { 0.0 } else { exposed.max(0.0) };
-    let x = if x <= KNEE { x } else { 1.0 - (1.0 - KNEE) * (-(x - KNEE) / (1.0 - KNEE)).exp() };
-    let encoded = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
-    (encoded * 255.0).round() as u8
-}
-
-/// Rec. 709 luminance.
-fn luminance([r, g, b]: [f32; 3]) -> f32 {
-    0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
 #[cfg(test)]

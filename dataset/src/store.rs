@@ -103,12 +103,10 @@ impl Writer {
         if manifest.exists() {
             collect_paths(&parse_manifest(&manifest, &read(&manifest)?)?, &mut kept);
         }
-        let mut json = serde_json::to_string_pretty(config)
-            .map_err(|error| Error::invalid(manifest.display(), error))?;
-        json.push('\n');
+        let json = files::json(&manifest, config)?;
         // (What a killed run left there and this one found has a name that may not have reached the disk.)
         files::sync_folder_of(&self.root.join(DATA).join(MANIFEST));
-        files::write_atomically(&manifest, json.as_bytes())?;
+        files::write_atomically(&manifest, &json)?;
         for (path, name) in &self.aliases {
             files::link_or_copy(&self.root.join(path), &self.root.join(name))?;
         }
@@ -318,6 +316,14 @@ impl Dataset {
         Ok(mask)
     }
 
+    /// The masks of all pages: see [`Dataset::mask`].
+    ///
+    /// # Errors
+    /// Those of [`Dataset::mask`].
+    pub fn masks(&self) -> Result<Vec<Mask>> {
+        (0..self.config.pages.len()).map(|page| self.mask(page)).collect()
+    }
+
     /// The lightmap of a frame on a page: size and checksum checked; non-finite or negative texels are an
     /// error with file, (x, y), channel, value.
     ///
@@ -375,8 +381,7 @@ impl Dataset {
     /// If `page` is not below the number of pages.
     pub fn light(&self, light: Light, group: Option<u32>, frame: usize, page: usize) -> Result<Image> {
         let files = self.config.files_of(light, group, frame, page);
-        let (width, height) =
-            (self.config.pages[page].width as usize, self.config.pages[page].height as usize);
+        let [width, height] = self.config.pages[page].size();
         let texels = self.sum_rows(&files, page, 0, height)?;
         files.into_iter().try_for_each(|file| self.check_content(file))?;
         Ok(Image { width, height, texels })

@@ -1,7 +1,7 @@
 //! The sun over the day, and what it gives a surface: the file that [`crate::config`] names as the sun's
 //! path.
 
-use crate::files::read_json;
+use crate::files::read_checked;
 use crate::visibility::Between;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -33,11 +33,7 @@ impl SunPath {
     /// # Errors
     /// [`Error::Io`]; [`Error::Invalid`] with the key and the time whose value is wrong.
     pub fn read(path: &Path) -> Result<Self> {
-        let found: SunPath = read_json(path)?;
-        match found.fault() {
-            Some(what) => Err(Error::invalid(path.display(), what)),
-            None => Ok(found),
-        }
+        read_checked(path, SunPath::fault)
     }
 
     /// What is wrong with its values.

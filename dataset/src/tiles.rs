@@ -1,6 +1,8 @@
 //! The grid of tiles metrics are computed on: non-overlapping squares from texel (0, 0), smaller at the right
 //! and bottom edge.
 
+use crate::image::Mask;
+
 /// Side of the paper's evaluation tiles.
 pub const TILE: usize = 128;
 
@@ -26,6 +28,17 @@ impl Rect {
     /// Rows.
     pub fn height(&self) -> usize {
         self.y1 - self.y0
+    }
+
+    /// Indices of its texels on a page of this width, row by row.
+    pub fn texels(&self, width: usize) -> impl Iterator<Item = usize> + Clone + use<> {
+        let Rect { x0, x1, .. } = *self;
+        (self.y0..self.y1).flat_map(move |y| y * width + x0..y * width + x1)
+    }
+
+    /// Those of them that are valid.
+    pub fn valid<'a>(&self, mask: &'a Mask) -> impl Iterator<Item = usize> + use<'a> {
+        self.texels(mask.width).filter(|&texel| mask.valid[texel])
     }
 }
 

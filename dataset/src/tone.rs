@@ -29,9 +29,14 @@ pub fn automatic_exposure(luminances: impl Iterator<Item = f32>) -> f64 {
 
 /// The 8-bit sRGB code of exposed light: linear up to the knee, then towards 1 without reaching it.
 pub fn code(exposed: f32) -> u8 {
-    let shown = match exposed <= KNEE {
+    bent_code(exposed, KNEE)
+}
+
+/// The same with another knee.
+pub(crate) fn bent_code(exposed: f32, knee: f32) -> u8 {
+    let shown = match exposed <= knee {
         true => exposed.max(0.0),
-        false => 1.0 - (1.0 - KNEE) * (-(exposed - KNEE) / (1.0 - KNEE)).exp(),
+        false => 1.0 - (1.0 - knee) * (-(exposed - knee) / (1.0 - knee)).exp(),
     };
     // IEC 61966-2-1.
     let code = if shown <= 0.003_130_8 { 12.92 * shown } else { 1.055 * shown.powf(1.0 / 2.4) - 0.055 };

@@ -59,7 +59,10 @@ impl Decoder {
         for place in bundle.header.places() {
             let (mut tile, mut data) = (Tile::default(), Data::default());
             tile.maps = bundle.tile(place)?.map(|params| data.maps(params, options.unpacks)).transpose()?;
-            tile.seen = bundle.sun(place)?.map(|sun| data.seen(&sun, sun.shadows.most_bytes(sun.channels())));
+            tile.seen = bundle.sun(place)?.map(|sun| {
+                let most = sun.shadows.most_bytes(sun.channels());
+                Seen::new(&sun, most, &mut data.words)
+            });
             let maps = spots.by_ref().take(data.picture.maps.len()).collect();
             tile.site = Site { resident: resident.len() as u32, interval, maps };
             for (([x, y, _], size), to) in data.picture.maps.iter().zip(&tile.site.maps) {

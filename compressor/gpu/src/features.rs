@@ -63,7 +63,7 @@ impl Features {
             Some(sections) => {
                 // Normals are the same at all times.
                 let tile = sections.at(bundle, [0, 0])?;
-                let seen = data.seen(&tile, sections.most_bytes_of_shadows(bundle)?);
+                let seen = Seen::new(&tile, sections.most_bytes_of_shadows(bundle)?, &mut data.words);
                 Some(OfSun { seen, sections })
             }
             None => None,

@@ -2,12 +2,10 @@
 
 use crate::Result;
 use crate::place::{Spot, shelves};
-use crate::sun::Seen;
 use crate::survey;
 use crate::tile::Maps;
 use ndgi::bc7;
 use ndgi::model::TileParams;
-use ndgi::sun::TileSun;
 
 /// A tile's large data, as they are uploaded.
 #[derive(Debug, Default)]
@@ -26,7 +24,7 @@ pub(crate) struct Picture {
     pub maps: Vec<(Spot, [u32; 2])>,
     /// Row by row of blocks, or of RGBA8 texels.
     bytes: Vec<u8>,
-    unpacks: bool,
+    pub unpacks: bool,
 }
 
 impl Data {
@@ -36,12 +34,6 @@ impl Data {
         blocks.append(&mut params.f_uvt);
         self.picture = Picture::new(&survey::maps(&params.shape), &blocks, unpacks)?;
         Ok(Maps::new(params, &mut self.words))
-    }
-
-    /// Of a tile at any of its times. `most`: bytes of its moving shadows in the interval that has most of
-    /// them.
-    pub fn seen(&mut self, tile: &TileSun, most: usize) -> Seen {
-        Seen::new(tile, most, &mut self.words)
     }
 }
 
@@ -90,11 +82,6 @@ impl Picture {
     /// Bytes on the device.
     pub fn bytes(&self) -> u64 {
         self.bytes.len() as u64
-    }
-
-    /// Whether texels are unpacked.
-    pub fn is_unpacked(&self) -> bool {
-        self.unpacks
     }
 
     /// Uploads a rectangle of it, whose corner and size are multiples of 4, before the next submission.

@@ -62,7 +62,6 @@ fn pack(sizes: &[[u32; 2]], [across, down]: [u32; 2]) -> ([u32; 2], Vec<Spot>) {
 /// Rectangles of one size on layers, row by row.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Lattice {
-    /// Each one's width and height.
     size: [u32; 2],
     columns: u32,
     rows: u32,

@@ -18,7 +18,6 @@ use std::sync::Arc;
 
 /// Longest side of a layer of maps, where slots are not longer.
 const SIDE: u32 = 2048;
-/// The resident buffer's label.
 const RESIDENT: &str = "ndgi resident";
 /// Most words of a buffer: texels of two bytes are numbered in 32 bits.
 const MOST_WORDS: u64 = 1 << 30;
@@ -164,7 +163,7 @@ impl Pool {
         let Features { known, data } = features;
         known.check(of)?;
         let picture = &data.picture;
-        if known.maps.is_some() && picture.is_unpacked() != self.stage.options.unpacks {
+        if known.maps.is_some() && picture.unpacks != self.stage.options.unpacks {
             return Err(Error::Invalid(format!(
                 "features of {:?} were read with options other than Pool::options",
                 known.place

@@ -74,7 +74,6 @@ pub enum Output {
 }
 
 impl Output {
-    /// Its name in WGSL.
     fn name(self) -> &'static str {
         match self {
             Output::Rgba16Float => "rgba16float",

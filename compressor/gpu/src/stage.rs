@@ -88,7 +88,6 @@ pub(crate) struct Stage {
     /// Bytes of all three.
     pub bytes: u64,
     coarse: usize,
-    /// Widths of hidden layers.
     widths: BTreeSet<usize>,
 }
 

@@ -13,7 +13,6 @@ use std::collections::BTreeSet;
 pub(crate) struct Survey {
     /// The most that a strip reads of F_uvt, in texels: [`shader::coarse`].
     pub coarse: usize,
-    /// Widths of hidden layers.
     pub widths: BTreeSet<usize>,
     /// Whether any bundle has shadows that move.
     pub shadows: bool,

@@ -67,7 +67,9 @@ impl Placed<'_> {
         let seen = self.seen.zip(self.held).zip(sun);
         let is_sunlit = seen.is_some_and(|((seen, held), sun)| seen.job(self.site, held, sun, &mut job));
         match maps {
-            Some((maps, bias)) => Some(Full { job, bias, hidden: maps.hidden(), fits_half: maps.fits_half }),
+            Some((maps, bias)) => {
+                Some(Full { job, bias, hidden: maps.shape().hidden, fits_half: maps.fits_half })
+            }
             None => is_sunlit.then(|| Full::without_network(job)),
         }
     }
@@ -115,11 +117,6 @@ impl Maps {
     /// Number of knots that it tells of.
     pub fn knots(&self) -> usize {
         self.params.knots.len()
-    }
-
-    /// Width of the hidden layers.
-    pub fn hidden(&self) -> usize {
-        self.params.shape.hidden
     }
 
     /// Fills in what a job says of the maps at a time, and gives the biases of the first layer; `None` if

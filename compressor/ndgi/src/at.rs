@@ -8,7 +8,7 @@
 //! ```
 
 use crate::bundle::Bundle;
-use crate::decode::{Lights, Prepared};
+use crate::decode::{Lights, Prepared, bilinear};
 use crate::grid::{Grid, Place};
 use crate::model::{BORDER, PAYLOAD};
 use crate::pack;
@@ -243,11 +243,8 @@ impl Tile {
         self.bilinear([x, y], [s, t])
     }
 
-    fn bilinear(&self, [x, y]: [usize; 2], [s, t]: [f32; 2]) -> [f32; 3] {
-        let at = |dx, dy| self.stored_texel(x + dx, y + dy);
-        let (a, b, c, d) = (at(0, 0), at(1, 0), at(0, 1), at(1, 1));
-        let lerp = |a: f32, b: f32, s: f32| a * (1.0 - s) + b * s;
-        std::array::from_fn(|i| lerp(lerp(a[i], b[i], s), lerp(c[i], d[i], s), t))
+    fn bilinear(&self, [x, y]: [usize; 2], shares: [f32; 2]) -> [f32; 3] {
+        bilinear(|dx, dy| self.stored_texel(x + dx, y + dy), shares)
     }
 
     fn stored_texel(&self, x: usize, y: usize) -> [f32; 3] {

@@ -58,6 +58,12 @@ fn lerp(a: f32, b: f32, s: f32) -> f32 {
     a * (1.0 - s) + b * s
 }
 
+/// A value among four texels, `at(0, 0)` to `at(1, 1)`.
+pub(crate) fn bilinear(at: impl Fn(usize, usize) -> [f32; 3], [s, t]: [f32; 2]) -> [f32; 3] {
+    let (a, b, c, d) = (at(0, 0), at(1, 0), at(0, 1), at(1, 1));
+    std::array::from_fn(|i| lerp(lerp(a[i], b[i], s), lerp(c[i], d[i], s), t))
+}
+
 /// The means at a time.
 fn means_at(tile: &TileParams, point: &TimePoint) -> [f32; 3] {
     let [a, b] = point.knots.map(|knot| tile.knots[knot].mean);
@@ -237,8 +243,7 @@ impl Decoder {
             let [baked, direct] = [baked, direct].map(Option::unwrap_or_default);
             [0, 1, 2].map(|c| (baked[c] + direct[c]).min(f32::MAX))
         };
-        let (a, b, c, d) = (at(0, 0), at(1, 0), at(0, 1), at(1, 1));
-        Ok(std::array::from_fn(|i| lerp(lerp(a[i], b[i], s), lerp(c[i], d[i], s), t)))
+        Ok(bilinear(at, [s, t]))
     }
 
     /// The parameters of a tile, from memory where it was read lately; `None` for a black one. Errors as

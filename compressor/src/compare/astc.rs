@@ -1,7 +1,7 @@
 //! ASTC by Arm's encoder, from 12×12 to 8×8 texels a block.
 
 use super::Effort;
-use super::bc::best;
+use super::bc::{best, opaque};
 use super::curve::{CURVES, Curve, scale};
 use super::method::{Coded, ImageCodec, squared_error, timed};
 use super::tiles::{Texels, Tile};
@@ -82,11 +82,7 @@ impl Astc {
         };
         let blocks = |side: usize| side.div_ceil(self.side as usize);
         let mut out = vec![0; 16 * blocks(tile.source.width) * blocks(tile.source.height)];
-        let values = texels.iter().flat_map(|texel| {
-            let [r, g, b] = texel.map(value);
-            [r, g, b, 1.0]
-        });
-        let mut halves: Vec<f16> = values.map(f16::from_f32).collect();
+        let mut halves = opaque(texels, |v| f16::from_f32(value(v)), f16::ONE);
         let mut slice = halves.as_mut_ptr().cast();
         let mut image = image(tile, &mut slice, astcenc_type_ASTCENC_TYPE_F16);
         self.context(preset)?.compress(&mut image, Swizzle::RGB1, &mut out).map_err(failed)?;

@@ -24,19 +24,12 @@ impl ImageCodec for Bc7 {
         let scale = scale(texels);
         let encode = |settings: &bc7::EncodeSettings, curve: Curve| {
             let byte = |v: f32| (255.0 * curve.encode(f64::from(v / scale))).round() as u8;
-            let bytes: Vec<u8> = texels
-                .iter()
-                .flat_map(|texel| {
-                    let [r, g, b] = texel.map(byte);
-                    [r, g, b, 255]
-                })
-                .collect();
-            bc7::compress_blocks(settings, &surface(tile, &bytes, 4))
+            bc7::compress_blocks(settings, &surface(tile, &opaque(texels, byte, 255), 4))
         };
         let decode = |blocks: &[u8], curve: Curve| {
             let light: Vec<f32> =
                 (0..=255).map(|q| scale * curve.decode(f64::from(q) / 255.0) as f32).collect();
-            decode_bc7(blocks, tile, &light)
+            decoded(blocks, tile, bc7_texels, |[r, g, b, _]| [r, g, b].map(|q| light[usize::from(q)]))
         };
         let thorough = match self.0 {
             Effort::Draft => bc7::opaque_basic_settings(),
@@ -74,16 +67,8 @@ impl ImageCodec for Bc7Rgbm {
                 Ok((bc7::compress_blocks(&settings, &surface(tile, &bytes, 4)), bits(tile), Vec::new()))
             },
             |blocks| {
-                let mut out = vec![[0.0; 3]; tile.texels()];
-                let mut rgba = [0u8; 64];
-                for (i, block) in blocks.chunks_exact(16).enumerate() {
-                    bcdec_rs::bc7(block, &mut rgba, 16);
-                    texels_of(tile, i, |texel, j| {
-                        let light = from_rgbm(std::array::from_fn(|c| rgba[4 * j + c]));
-                        out[texel] = light.map(|v| v * scale);
-                    });
-                }
-                Ok(out)
+                let light = |rgbm| from_rgbm(rgbm).map(|v| v * scale);
+                Ok(decoded(blocks, tile, bc7_texels, light))
             },
         )
     }
@@ -123,14 +108,7 @@ impl ImageCodec for Bc6h {
                 None => f16::from_f32(v / scale * DIRECT_PEAK),
                 Some(curve) => f16::from_bits((LARGEST * curve.encode(f64::from(v / scale))).round() as u16),
             };
-            let one = f16::ONE;
-            let halves: Vec<f16> = texels
-                .iter()
-                .flat_map(|texel| {
-                    let [r, g, b] = texel.map(half);
-                    [r, g, b, one]
-                })
-                .collect();
+            let halves = opaque(texels, half, f16::ONE);
             bc6h::compress_blocks(settings, &surface(tile, bytemuck::cast_slice(&halves), 8))
         };
         let decode = |blocks: &[u8], curve: Option<Curve>| {
@@ -141,7 +119,7 @@ impl ImageCodec for Bc6h {
                     scale * curve.decode(code) as f32
                 }
             };
-            decode_bc6h(blocks, tile).into_iter().map(|texel| texel.map(light)).collect::<Texels>()
+            decoded(blocks, tile, bc6h_texels, |rgb| rgb.map(light))
         };
         let thorough = match self.0 {
             Effort::Draft => bc6h::slow_settings(),
@@ -171,37 +149,49 @@ fn surface<'a>(tile: &Tile, data: &'a [u8], bytes: u32) -> RgbaSurface<'a> {
     RgbaSurface { width, height, stride: width * bytes, data }
 }
 
+/// Texels with values of their channels and an alpha.
+pub(super) fn opaque<T: Copy>(texels: &Texels, value: impl Fn(f32) -> T, alpha: T) -> Vec<T> {
+    let texel = |texel: &[f32; 3]| {
+        let [r, g, b] = texel.map(&value);
+        [r, g, b, alpha]
+    };
+    texels.iter().flat_map(texel).collect()
+}
+
 /// The curve of least error.
 pub(super) fn best(curves: &[Curve], error: impl Fn(Curve) -> f64) -> Curve {
     let errors = curves.iter().map(|&curve| (error(curve), curve));
     errors.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(Curve::Power(1.0), |(_, curve)| curve)
 }
 
-/// Calls `put(texel's index, index in the block)` for each texel of a block.
-fn texels_of(tile: &Tile, block: usize, mut put: impl FnMut(usize, usize)) {
+/// An image of blocks, each of which `decode` turns into 16 texels; `light` is theirs.
+fn decoded<T>(
+    blocks: &[u8],
+    tile: &Tile,
+    decode: impl Fn(&[u8]) -> [T; 16],
+    light: impl Fn(T) -> [f32; 3],
+) -> Texels {
     let width = tile.source.width;
-    let (left, top) = (4 * (block % (width / 4)), 4 * (block / (width / 4)));
-    (0..16).for_each(|j| put((top + j / 4) * width + left + j % 4, j));
-}
-
-fn decode_bc7(blocks: &[u8], tile: &Tile, light: &[f32]) -> Texels {
     let mut out = vec![[0.0; 3]; tile.texels()];
-    let mut rgba = [0u8; 64];
     for (i, block) in blocks.chunks_exact(16).enumerate() {
-        bcdec_rs::bc7(block, &mut rgba, 16);
-        texels_of(tile, i, |texel, j| out[texel] = [0, 1, 2].map(|c| light[usize::from(rgba[4 * j + c])]));
+        let (left, top) = (4 * (i % (width / 4)), 4 * (i / (width / 4)));
+        for (j, texel) in decode(block).into_iter().enumerate() {
+            out[(top + j / 4) * width + left + j % 4] = light(texel);
+        }
     }
     out
 }
 
-fn decode_bc6h(blocks: &[u8], tile: &Tile) -> Texels {
-    let mut out = vec![[0.0; 3]; tile.texels()];
-    let mut rgb = [0.0f32; 48];
-    for (i, block) in blocks.chunks_exact(16).enumerate() {
-        bcdec_rs::bc6h_float(block, &mut rgb, 12, false);
-        texels_of(tile, i, |texel, j| out[texel] = [0, 1, 2].map(|c| rgb[3 * j + c]));
-    }
-    out
+fn bc7_texels(block: &[u8]) -> [[u8; 4]; 16] {
+    let mut rgba = [[0; 4]; 16];
+    bcdec_rs::bc7(block, rgba.as_flattened_mut(), 16);
+    rgba
+}
+
+fn bc6h_texels(block: &[u8]) -> [[f32; 3]; 16] {
+    let mut rgb = [[0.0; 3]; 16];
+    bcdec_rs::bc6h_float(block, rgb.as_flattened_mut(), 12, false);
+    rgb
 }
 
 #[cfg(test)]

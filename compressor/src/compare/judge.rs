@@ -3,11 +3,11 @@
 use super::method::CodedTiles;
 use super::tiles::{Texels, Tile, TileSet, set_means};
 use crate::Result;
-use crate::evaluate::{Quality, Sample, SlowMetrics, Steps, quality};
+use crate::evaluate::{Quality, Sample, SlowMetrics, Steps, Strip, quality};
 use crate::mean::mean;
 use dataset::config::Noise;
 use dataset::image::Image;
-use dataset::metrics::{self, Brightnesses, Lpips, StepError};
+use dataset::metrics::{self, Brightnesses, StepError};
 use rayon::prelude::*;
 
 /// The quality of a method over all tiles.
@@ -77,36 +77,22 @@ impl<'a> Judge<'a> {
 
     /// A tile at a frame; nothing of one without a valid texel.
     fn sample(&self, tile: &Tile, k: usize, decoded: &Texels) -> Result<Option<Sample>> {
-        let (decoded, reference) = (image(tile, decoded), image(tile, &tile.source.frames[k]));
-        let quality = metrics::compare(&decoded, &reference, &tile.mask, tile.rect());
-        let ceiling =
-            |noise: &Noise| metrics::psnr_db(quality.peak, noise.mse[k][tile.place.page][tile.index]);
-        if quality.texels == 0 {
-            return Ok(None);
-        }
-        let lpips = |lpips: &Lpips| {
-            lpips.distance(&decoded, &reference, &tile.mask, tile.rect(), &quality).transpose()
-        };
-        let flip = || metrics::flip(&decoded, &reference, &tile.mask, tile.rect(), &quality);
-        Ok(Some(Sample {
+        let strip = Strip {
             frame: k,
             page: tile.place.page,
-            rect: tile.rect(),
-            quality,
-            psnr_8bit_db: None,
-            noise_ceiling_db: quality.psnr_db.and(self.noise.map(ceiling)),
-            relative_error: metrics::relative_error(quality.mse(), quality.mean, self.set_means[k]),
-            psnr_log_db: metrics::psnr_log_db(
-                &decoded,
-                &reference,
-                &tile.mask,
-                tile.rect(),
-                self.set_means[k],
-            ),
-            lpips: self.slow_metrics.lpips.and_then(lpips).transpose()?,
-            flip: self.slow_metrics.flip.then(flip).flatten(),
-            largest: tile.valid().flat_map(|i| decoded.texels[i]).fold(0.0, f32::max),
-        }))
+            row: 0,
+            decoded: &image(tile, decoded),
+            reference: &image(tile, &tile.source.frames[k]),
+            mask: &tile.mask,
+            page_mean: self.set_means[k],
+            noise: None,
+            slow_metrics: self.slow_metrics,
+        };
+        let noise = self.noise.map(|noise| noise.mse[k][tile.place.page][tile.index]);
+        let sample = strip.sample(tile.rect(), noise)?;
+        let q = &sample.quality;
+        let relative_error = metrics::relative_error(q.mse(), q.mean, self.set_means[k]);
+        Ok((q.texels > 0).then_some(Sample { relative_error, ..sample }))
     }
 }
 

@@ -33,7 +33,6 @@ pub(super) type AtHour<'a> = Box<dyn Fn(f64) -> Result<Vec<Texels>> + 'a>;
 /// A variant of a method.
 pub(super) struct Way<'a> {
     pub coded: CodedTiles,
-    /// A note for the table.
     pub note: String,
     /// What its decoder gives between frames too; without it, light is linear between those around.
     pub at_hour: Option<AtHour<'a>>,
@@ -171,7 +170,6 @@ pub(super) fn reweighted<S>(
 }
 
 impl<T> Coded<T> {
-    /// A note on the curves.
     pub fn note(&self) -> String {
         if self.curves.is_empty() { String::new() } else { tally(self.curves.iter().copied()) }
     }

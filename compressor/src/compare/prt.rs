@@ -96,8 +96,7 @@ impl<'a> Transfer<'a> {
                  with and without --transfer, for --hours 0..24"
             )));
         }
-        let masks =
-            (0..transfer.config.pages.len()).map(|page| transfer.mask(page)).collect::<Result<Vec<_>>>()?;
+        let masks = transfer.masks()?;
         let opened = Transfer { dataset, transfer, basis, masks, times };
         let pages: BTreeSet<usize> = set.tiles.iter().map(|tile| tile.place.page).collect();
         let images: Vec<_> = pages.into_iter().flat_map(|page| opened.images(page)).collect();

@@ -13,9 +13,7 @@ mod page;
 #[cfg(test)]
 mod tests;
 
-pub use lapse::Line;
-pub use results::{Crop, Rendered, Seen};
-pub use times::Shown as ShownTime;
+pub use results::Rendered;
 
 use super::method::Way;
 use super::table::{Comparison, Row, Shown as ShownTiles};
@@ -34,6 +32,7 @@ use dataset::view::{Light, View};
 use lapse::Lapse;
 use ndgi::Bundle;
 use pages::Pages;
+use results::Seen;
 use std::borrow::Cow;
 use times::Shown;
 

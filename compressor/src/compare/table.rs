@@ -12,31 +12,24 @@ use dataset::preview::{exposure, tone_mapped_png};
 use serde::Serialize;
 
 /// Quality of a method on all tiles of a run. Means as in [`crate::evaluate::Quality`].
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Row {
     /// Methods of one family make one line of the plot.
     pub family: &'static str,
-    /// Name.
     pub method: String,
     /// Bits per stored texel and frame.
     pub bpp: f64,
-    /// Mean PSNR.
     pub psnr_db: Option<f64>,
     /// Mean PSNR, peak = largest − smallest.
     pub psnr_range_db: Option<f64>,
-    /// Pooled PSNR.
     pub psnr_pooled_db: Option<f64>,
-    /// Mean PSNR of the logarithm.
     pub psnr_log_db: Option<f64>,
     /// Mean PSNR of the worst 1 %.
     pub psnr_worst_percent_db: Option<f64>,
-    /// 1 − mean structural similarity.
     pub one_minus_ssim: Option<f64>,
     /// The same with a 7×7 box window.
     pub one_minus_ssim_uniform: Option<f64>,
-    /// Mean LPIPS.
     pub lpips: Option<f64>,
-    /// Mean HDR-ꟻLIP.
     pub flip: Option<f64>,
     /// Relative error in the darkest quarter of each frame.
     pub dark_relative_error: Option<f64>,
@@ -67,7 +60,6 @@ const HEADER: [&str; 11] = [
     "decode ms/1024²",
 ];
 
-/// The CSV's columns.
 const COLUMNS: &str = "family,method,bpp,psnr_db,psnr_range_db,psnr_pooled_db,psnr_log_db,psnr_worst_percent_db,one_minus_ssim,\
      one_minus_ssim_uniform,lpips,flip,dark_relative_error,step_error,switch_error,encode_seconds,decode_milliseconds,note";
 
@@ -158,20 +150,8 @@ impl Row {
             method: method.to_owned(),
             bpp,
             psnr_db,
-            psnr_range_db: None,
-            psnr_pooled_db: None,
-            psnr_log_db: None,
-            psnr_worst_percent_db: None,
-            one_minus_ssim: None,
-            one_minus_ssim_uniform: None,
-            lpips: None,
-            flip: None,
-            dark_relative_error: None,
-            step_error: None,
-            switch_error: None,
-            encode_seconds: None,
-            decode_milliseconds: None,
             note: "stored bits without headers; the trainer's own PSNR".to_owned(),
+            ..Row::default()
         }
     }
 

@@ -93,8 +93,7 @@ impl TileSet {
 
     /// Reads the tiles of a run: this many, drawn by the seed from all pages, or the first page's.
     pub fn load(dataset: &Dataset, options: &Options) -> Result<Self> {
-        let pages = &dataset.config.pages;
-        let masks = (0..pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
+        let masks = dataset.masks()?;
         // What a camera sees may lie on any page.
         let number = if options.render { Some(usize::MAX) } else { options.tiles };
         let (chosen, of) = choose(&masks, number, options.seed);
@@ -137,7 +136,7 @@ fn choose(masks: &[Mask], number: Option<usize>, of_seed: u64) -> (Vec<(Place, R
         let of_page = tiles(mask.width, mask.height, TILE).into_iter().enumerate();
         all.extend(
             of_page
-                .filter(|(_, rect)| has_valid(mask, rect))
+                .filter(|(_, rect)| rect.valid(mask).next().is_some())
                 .map(|(i, rect)| (Place { page, column: i % across, row: i / across }, rect)),
         );
     }
@@ -155,10 +154,6 @@ fn choose(masks: &[Mask], number: Option<usize>, of_seed: u64) -> (Vec<(Place, R
         }
     }
     (all, of)
-}
-
-fn has_valid(mask: &Mask, rect: &Rect) -> bool {
-    (rect.y0..rect.y1).any(|y| mask.valid[y * mask.width..][rect.x0..rect.x1].contains(&true))
 }
 
 /// How texels without a surface are filled: ring by ring around the valid ones, each with the mean of its

@@ -5,7 +5,6 @@ use crate::train::TrialFit;
 /// The target of all tiles together.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Goal {
-    /// At most this many bytes.
     Bytes(u64),
     /// At most this sum of the trial fits' errors.
     Error(f64),

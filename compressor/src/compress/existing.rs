@@ -1,5 +1,6 @@
 //! What lies where a bundle is to be written.
 
+use super::info;
 use super::outcome::{self, Outcome};
 use crate::bundle::{self, Bundle, Header};
 use crate::printable;
@@ -41,9 +42,7 @@ pub(super) fn existing_bundle(out: &Path, header: &Header) -> Existing {
             header.scene
         ));
     }
-    let reported =
-        |header: &Header| serde_json::from_str::<serde_json::Value>(&header.info).unwrap_or_default();
-    let (old, new) = (reported(&there.header), reported(header));
+    let (old, new) = (info(&there.header), info(header));
     let is_limited = !new["time_limit_secs"].is_null();
     // (Whether there are moving shadows is known only after searching for them, at the times in the header.)
     let header = &Header { shadows: header.shadows && there.header.shadows, ..header.clone() };

@@ -53,9 +53,7 @@ impl<'a> Job<'a> {
         if options.without_sun && !can_omit_sun(config) {
             let layers = &config.layers;
             // In imported datasets, and in version 1, the layer is one sum.
-            let is_whole =
-                |layer: &Layer| (layer.light, layer.part) == (Light::Sun, dataset::config::Part::All);
-            if layers.is_empty() || layers.iter().any(is_whole) {
+            if layers.is_empty() || layers.iter().any(Layer::is_whole_sun) {
                 let what = "does not store the sun's direct light as a separate layer, so it cannot be omitted; drop --without-sun, or bake the dataset again";
                 return Err(Error::invalid(root, what));
             }
@@ -78,7 +76,7 @@ impl<'a> Job<'a> {
         Ok(Job {
             recipe: digest(&recipe),
             out: options.out.clone().unwrap_or_else(|| default_bundle(dataset)),
-            masks: (0..config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?,
+            masks: dataset.masks()?,
             trained_on,
             options: Options { rate, ..options.clone() },
             dataset,

@@ -3,13 +3,13 @@
 use super::beside;
 use super::stats::TileStats;
 use super::tiles::Work;
+use crate::Result;
 use crate::bundle::{Header, Payload};
 use crate::grid::Place;
 use crate::lanes::Tier;
 use crate::mean::{mean, weighted_mean};
 use crate::model::Contents;
-use crate::{Error, Result};
-use dataset::files::write_atomically;
+use dataset::files::{json, write_atomically};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -171,8 +171,8 @@ fn count(stats: &[TileStats]) -> Vec<(String, usize)> {
 
 /// Writes `<bundle>.run.json`, which has everything that changes from run to run.
 pub(super) fn write(out: &Path, outcome: &Outcome) -> Result<()> {
-    let text = serde_json::to_string_pretty(outcome).map_err(|error| Error::invalid("run.json", error))?;
-    write_atomically(&beside(out, ".run.json"), format!("{text}\n").as_bytes())
+    let json = json(Path::new("run.json"), outcome)?;
+    write_atomically(&beside(out, ".run.json"), &json)
 }
 
 /// Reads the `.run.json` of the bundle at `out`, if there is one.

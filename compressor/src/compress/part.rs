@@ -2,12 +2,10 @@
 //! choice of configurations, and for the times between frames, each named by a digest of its inputs; the
 //! notes of shards; the lock.
 
-use super::{beside, shard};
+use super::{beside, folder_beside, note};
 use crate::bundle::{self, Payload, Section};
 use crate::{Error, Result};
-use dataset::files::{
-    create_folders, remove_stale_temporaries, sync_folder_of, temporaries, write_atomically,
-};
+use dataset::files::{remove_stale_temporaries, sync_folder_of, temporaries, write_atomically};
 use dataset::lock::{LOCK, Lock, Shared, lock, share};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -18,13 +16,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::Duration;
 
-/// Extension of the files.
 const EXTENSION: &str = "tile";
 /// Name of the list of files whose bundle is written. A run that is killed while it removes them leaves the
 /// list.
 const DONE: &str = "done.json";
 
-/// The lock on the folder.
 enum Held {
     /// Only this run.
     Alone(#[allow(dead_code, reason = "held, never read")] Lock),
@@ -46,7 +42,6 @@ pub(super) struct Kept<S> {
     pub made_from: Option<String>,
 }
 
-/// The folder.
 pub(super) struct Part {
     folder: PathBuf,
     /// Excludes other runs; `None` once the folder is left.
@@ -64,7 +59,7 @@ impl Part {
         remove_stale_temporaries(&folder)?;
         let part = Part { folder, held, own: Mutex::default(), written: Mutex::default() };
         if fresh {
-            part.files().chain(shard::files(&part.folder)).for_each(remove);
+            part.files().chain(note::files(&part.folder)).for_each(remove);
             remove(part.folder.join(DONE));
         }
         Ok(part)
@@ -88,7 +83,6 @@ impl Part {
         path
     }
 
-    /// The folder's path.
     pub(super) fn folder(&self) -> &Path {
         &self.folder
     }
@@ -198,8 +192,8 @@ impl Part {
         self.adopt(&done.unwrap_or_default());
         self.own.lock().unwrap_or_else(|e| e.into_inner()).iter().cloned().for_each(remove);
         let left = self.files().count();
-        let is_done = |path: &PathBuf| left == 0 || shard::is_of(path, recipe);
-        shard::files(&self.folder).filter(is_done).for_each(remove);
+        let is_done = |path: &PathBuf| left == 0 || note::is_of(path, recipe);
+        note::files(&self.folder).filter(is_done).for_each(remove);
         // (Of machines that cannot be asked whether their processes run: nobody writes a tile for a day.)
         temporaries(&self.folder).unwrap_or_default().into_iter().filter(is_old).for_each(remove);
         // (The list must not be gone before they are.)
@@ -219,7 +213,7 @@ impl Drop for Part {
     fn drop(&mut self) {
         let is_used = || {
             let tiles = self.files().next().is_some();
-            tiles || shard::files(&self.folder).next().is_some() || self.folder.join(DONE).exists()
+            tiles || note::files(&self.folder).next().is_some() || self.folder.join(DONE).exists()
         };
         if !matches!(self.held, Some(Held::Alone(_))) || is_used() {
             return;
@@ -250,22 +244,13 @@ fn is_old(path: &PathBuf) -> bool {
 /// it in between.)
 fn held(out: &Path, lock: impl Fn(&Path) -> Result<Held>) -> Result<(PathBuf, Option<Held>)> {
     for _ in 0..10 {
-        let folder = created(out)?;
+        let folder = folder_beside(out, ".part")?;
         match lock(&folder) {
             Err(error) if is_not_found(&error) => {}
             held => return Ok((folder, Some(held?))),
         }
     }
     Err(Error::unready(beside(out, ".part").display(), REMOVED))
-}
-
-/// The folder's path; creates the folder if it is missing.
-fn created(out: &Path) -> Result<PathBuf> {
-    let folder = beside(out, ".part");
-    match create_folders(&folder) {
-        Err(error) if !folder.is_dir() => Err(Error::io(&folder)(error)),
-        _ => Ok(folder),
-    }
 }
 
 fn remove(path: PathBuf) {

@@ -2,9 +2,10 @@
 //! all.
 
 use super::allocate::{self, Goal};
+use super::note::{Shard, Stage};
 use super::pace::{self, Pace};
 use super::part::{Kept, Part};
-use super::shard::{self, Notes, Shard, Stage};
+use super::shard::{self, Notes};
 use super::stats::TileStats;
 use super::{Options, Rate};
 use crate::bundle::{self, Header, Payload};
@@ -41,9 +42,7 @@ const NEARLY: f64 = 1.07;
 
 /// Results of all tiles, in the order of the bundle's index.
 pub(super) struct Work {
-    /// The bundle's payloads.
     pub payloads: Vec<Payload>,
-    /// Training statistics.
     pub stats: Vec<TileStats>,
     /// Number of tiles reused from a stopped run.
     pub resumed: usize,
@@ -104,7 +103,6 @@ pub(super) struct Tiles<'a> {
     pub recipe: &'a str,
     /// True once the dataset's checksums are verified.
     pub is_verified: bool,
-    /// Bytes of the tiles' sun sections.
     pub bytes_of_sun: u64,
     /// When training is to end.
     pub deadline: Option<Instant>,
@@ -186,7 +184,6 @@ impl Tiles<'_> {
         let progress = console.progress("comparing", of_shards.len() as u64);
         let wrong = AtomicUsize::new(0);
         self.some_tiles(&of_shards, |place, band| {
-            stop_if_interrupted()?;
             if made_from(place).is_some_and(|digest| digest != band.digest()) {
                 self.part.discard(&key(place));
                 wrong.fetch_add(1, Ordering::Relaxed);
@@ -253,7 +250,6 @@ impl Tiles<'_> {
         let what = if stage == Stage::Trials { "trying" } else { "training" };
         let progress = console.progress(what, open.len() as u64);
         self.some_tiles(&open, |place, band| {
-            stop_if_interrupted()?;
             let (texels, psnr_db) = work(place, band)?;
             progress.advance(1);
             notes.finished(texels, psnr_db)
@@ -451,7 +447,6 @@ impl Tiles<'_> {
         let open: Vec<Place> = open.collect();
         let progress = console.progress("measuring the gain of full training", open.len() as u64);
         self.some_tiles(&open, |place, band| {
-            stop_if_interrupted()?;
             let tile = self.train(place, chosen_for(place), band, self.options.iterations)?;
             progress.advance(1);
             self.write_tile(&key(place), &tile, band)
@@ -473,7 +468,7 @@ impl Tiles<'_> {
     }
 
     /// Runs `work` on every tile that is not `finished`, in parallel; the results are in the order of the
-    /// bundle's index. A few bands are in memory at a time.
+    /// bundle's index.
     fn each_tile<T: Send>(
         &self,
         console: &dyn Observer,
@@ -483,56 +478,33 @@ impl Tiles<'_> {
         note: impl Fn(&T) -> Option<String> + Sync,
     ) -> Result<Vec<T>> {
         let progress = console.progress(what, self.header.tiles() as u64);
-        let mut done = Vec::with_capacity(self.header.tiles());
-        for (page, grid) in self.header.pages.iter().enumerate() {
-            let rows: Vec<usize> = (0..grid.rows()).collect();
-            for rows in rows.chunks(self.bands_at_once(page)) {
-                // Bands of which every tile is finished already are not read.
-                let places: Vec<Place> = rows
-                    .iter()
-                    .flat_map(|&row| (0..grid.columns()).map(move |column| Place { page, column, row }))
-                    .collect();
-                let found: Vec<Option<T>> = places.par_iter().map(|&place| finished(place)).collect();
-                let missing =
-                    |row: usize| places.iter().zip(&found).any(|(p, tile)| p.row == row && tile.is_none());
-                let missing: Vec<bool> = rows.iter().map(|&row| missing(row)).collect();
-                let bands = rows
-                    .par_iter()
-                    .zip(missing)
-                    .map(|(&row, missing)| {
-                        missing
-                            .then(|| Band::load(self.dataset, self.law, &self.masks[page], page, row))
-                            .transpose()
-                    })
-                    .collect::<Result<Vec<Option<Band>>>>()?;
-                let tiles: Vec<Result<T>> = places
-                    .par_iter()
-                    .zip(found)
-                    .with_max_len(1)
-                    .map(|(&place, found)| {
-                        stop_if_interrupted()?;
-                        let tile = match (found, &bands[place.row - rows[0]]) {
-                            (Some(tile), _) => tile,
-                            (None, Some(band)) => work(place, band)?,
-                            (None, None) => unreachable!("a band with a missing tile is read"),
-                        };
-                        if let Some(note) = note(&tile) {
-                            progress.note(&note);
-                        }
-                        progress.advance(1);
-                        Ok(tile)
-                    })
-                    .collect();
-                for tile in tiles {
-                    done.push(tile?);
-                }
+        let show = |tile: &T| {
+            if let Some(note) = note(tile) {
+                progress.note(&note);
             }
-        }
-        Ok(done)
+            progress.advance(1);
+        };
+        let places: Vec<Place> = self.header.places().collect();
+        let found = places.par_iter().map(|&place| {
+            stop_if_interrupted()?;
+            Ok(finished(place).inspect(show))
+        });
+        let found = found.collect::<Result<Vec<Option<T>>>>()?;
+        let open = places.iter().zip(&found).filter(|(_, tile)| tile.is_none());
+        let open: Vec<Place> = open.map(|(place, _)| *place).collect();
+        let worked = self.some_tiles(&open, |place, band| work(place, band).inspect(show))?;
+        let mut worked = worked.into_iter();
+        Ok(found.into_iter().filter_map(|tile| tile.or_else(|| worked.next())).collect())
     }
 
-    /// Runs `work` on some tiles, in parallel, with the same limit of bands in memory.
-    fn some_tiles(&self, places: &[Place], work: impl Fn(Place, &Band) -> Result<()> + Sync) -> Result<()> {
+    /// Runs `work` on some tiles, in parallel, with a few bands in memory at a time. The results are in the
+    /// order of the index if the tiles are.
+    fn some_tiles<T: Send>(
+        &self,
+        places: &[Place],
+        work: impl Fn(Place, &Band) -> Result<T> + Sync,
+    ) -> Result<Vec<T>> {
+        let mut done = Vec::with_capacity(places.len());
         let mut rows: Vec<(usize, usize)> = places.iter().map(|place| (place.page, place.row)).collect();
         rows.sort_unstable();
         rows.dedup();
@@ -544,12 +516,19 @@ impl Tiles<'_> {
                 };
                 let bands = rows.par_iter().map(load).collect::<Result<BTreeMap<usize, Band>>>()?;
                 let of_bands = places.par_iter().with_max_len(1).filter(|place| place.page == page);
-                of_bands
-                    .filter_map(|&place| Some((place, bands.get(&place.row)?)))
-                    .try_for_each(|(place, band)| work(place, band))?;
+                let tiles = of_bands.filter_map(|&place| Some((place, bands.get(&place.row)?)));
+                let tiles: Vec<Result<T>> = tiles
+                    .map(|(place, band)| {
+                        stop_if_interrupted()?;
+                        work(place, band)
+                    })
+                    .collect();
+                for tile in tiles {
+                    done.push(tile?);
+                }
             }
         }
-        Ok(())
+        Ok(done)
     }
 
     /// How many rows of a page's tiles are in memory together.
@@ -581,7 +560,7 @@ impl Tiles<'_> {
             self.recipe(place).seed,
             values
         ]);
-        blake3::hash(all.to_string().as_bytes()).to_hex()[..32].to_owned()
+        super::digest(&all)
     }
 
     /// The name of a tile's file in the work folder: a digest of everything that decides its bytes.

@@ -47,8 +47,7 @@ pub fn between(
     decoder: &Decoder,
     console: &dyn Observer,
 ) -> Result<Option<Between>> {
-    let pages = dataset.config.pages.len();
-    let mut masks = (0..pages).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
+    let mut masks = dataset.masks()?;
     if let Some(withheld) = withheld {
         check_kind(dataset, withheld)?;
         // More hours light a few texels more.
@@ -206,16 +205,12 @@ impl Pool {
     /// A tile's valid texels; a black one does not count.
     fn add(&mut self, image: &Image, reference: &Image, mask: &Mask, rect: &Rect) {
         let (mut sum, mut count, mut peak) = (0.0, 0, 0.0f64);
-        for y in rect.y0..rect.y1 {
-            for i in y * mask.width + rect.x0..y * mask.width + rect.x1 {
-                if mask.valid[i] {
-                    count += 3;
-                    for (found, wanted) in image.texels[i].into_iter().zip(reference.texels[i]) {
-                        let (found, wanted) = (f64::from(found), f64::from(wanted));
-                        peak = peak.max(wanted);
-                        sum += (found - wanted) * (found - wanted);
-                    }
-                }
+        for i in rect.valid(mask) {
+            count += 3;
+            for (found, wanted) in image.texels[i].into_iter().zip(reference.texels[i]) {
+                let (found, wanted) = (f64::from(found), f64::from(wanted));
+                peak = peak.max(wanted);
+                sum += (found - wanted) * (found - wanted);
             }
         }
         if peak > 0.0 {

@@ -44,10 +44,8 @@ pub struct SlowMetrics<'a> {
 }
 
 /// A strip of whole tiles of a page of a frame.
-pub(super) struct Strip<'a> {
-    /// Index of the frame.
+pub(crate) struct Strip<'a> {
     pub frame: usize,
-    /// Page.
     pub page: usize,
     /// The strip's first row on the page, a multiple of [`TILE`].
     pub row: usize,
@@ -61,7 +59,6 @@ pub(super) struct Strip<'a> {
     pub page_mean: f64,
     /// The page's sampling error as a mean square per tile, where the dataset states it.
     pub noise: Option<&'a [f64]>,
-    /// Slow quality metrics.
     pub slow_metrics: SlowMetrics<'a>,
 }
 
@@ -77,7 +74,8 @@ impl Strip<'_> {
         Ok(judged.into_iter().filter(|sample| sample.quality.texels > 0).collect())
     }
 
-    fn sample(&self, rect: Rect, noise: Option<f64>) -> Result<Sample> {
+    /// One of its tiles, likewise; `noise` is its sampling error.
+    pub fn sample(&self, rect: Rect, noise: Option<f64>) -> Result<Sample> {
         let Strip { decoded, reference, mask, .. } = self;
         let quality = metrics::compare(decoded, reference, mask, rect);
         let lpips = |lpips: &Lpips| lpips.distance(decoded, reference, mask, rect, &quality).transpose();
@@ -96,7 +94,7 @@ impl Strip<'_> {
                 .flip
                 .then(|| metrics::flip(decoded, reference, mask, rect, &quality))
                 .flatten(),
-            largest: largest(decoded, mask, rect),
+            largest: rect.valid(mask).flat_map(|i| decoded.texels[i]).fold(0.0, f32::max),
         })
     }
 
@@ -109,23 +107,13 @@ impl Strip<'_> {
     }
 }
 
-/// Largest value of a tile's valid texels.
-fn largest(image: &Image, mask: &Mask, rect: Rect) -> f32 {
-    let texels = (rect.y0..rect.y1).flat_map(|y| y * mask.width + rect.x0..y * mask.width + rect.x1);
-    texels.filter(|&i| mask.valid[i]).flat_map(|i| image.texels[i]).fold(0.0, f32::max)
-}
-
 /// PSNR of a tile whose decoded texels went through [`to_rgbe`].
 fn psnr_8bit_db(decoded: &Image, reference: &Image, mask: &Mask, rect: Rect, quality: &TileQuality) -> f64 {
     let mut squared_error = 0.0;
-    for y in rect.y0..rect.y1 {
-        for i in y * mask.width + rect.x0..y * mask.width + rect.x1 {
-            if mask.valid[i] {
-                let texel = from_rgbe(to_rgbe(decoded.texels[i]));
-                let error = |c: usize| f64::from(texel[c]) - f64::from(reference.texels[i][c]);
-                squared_error += (0..3).map(|c| error(c) * error(c)).sum::<f64>();
-            }
-        }
+    for i in rect.valid(mask) {
+        let texel = from_rgbe(to_rgbe(decoded.texels[i]));
+        let error = |c: usize| f64::from(texel[c]) - f64::from(reference.texels[i][c]);
+        squared_error += (0..3).map(|c| error(c) * error(c)).sum::<f64>();
     }
     metrics::psnr_db(quality.peak, squared_error / (3 * quality.texels) as f64)
 }

@@ -1,11 +1,8 @@
 //! An evaluation as table, CSV and JSON.
 
 use super::{Between, Evaluation, Quality, Sample, Shadows, VISIBLE_LUX};
-use crate::Result;
-use dataset::files::write_atomically;
 use serde_json::{Value, json};
 use std::fmt::Write;
-use std::path::Path;
 
 /// Columns of [`Evaluation::rows`].
 pub const COLUMNS: [&str; 10] = [
@@ -247,11 +244,6 @@ impl Evaluation {
             let _ = writeln!(out, "{place},{plain},{rest},{}", s.relative_error);
         }
         out
-    }
-
-    /// Writes [`Evaluation::csv`] to a file.
-    pub fn write_csv(&self, path: &Path) -> Result<()> {
-        write_atomically(path, self.csv().as_bytes())
     }
 
     /// The keys that every `--json` object with a quality has.

@@ -116,7 +116,6 @@ pub struct Search {
     entries: Vec<[u8; SAMPLES]>,
     /// By turning and sample, the sample of an entry that comes there.
     source: Vec<[usize; SAMPLES]>,
-    /// The mean of the entries' features.
     mean: Vec<f32>,
     /// The directions in which entries are told apart, in panels.
     directions: Vec<[f32; PANEL]>,

@@ -25,7 +25,6 @@ pub struct Sample {
 
 /// One pass over all blocks of F_uvt.
 pub struct Descent<'a> {
-    /// The tile.
     pub problem: &'a Problem,
     /// Every this many frames are looked at.
     pub stride: usize,

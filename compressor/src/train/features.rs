@@ -1,11 +1,11 @@
-//! The learned parameters, maps of blocks made of them, and the way back of the gradient.
+//! The learned parameters, and how maps of blocks are laid out.
 //!
 //! F_uv and each slice of F_uvt are blocks of 4×4 texels between two endpoints, `f = e₀ + w (e₁ − e₀)`
 //! (paper, eq. 7). Maps hold *centred* values, c(f) = 3 (f − ½): F_uv's block by block, F_uvt's slice by
 //! slice and row by row, so that the two texels a sample reads of a row lie side by side.
 
 use super::random::Random;
-use crate::lanes::{Lanes, Longest, Quad, TwoQuads};
+use crate::lanes::Quad;
 use crate::model::Shape;
 use std::ops::Range;
 
@@ -38,7 +38,6 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// The layout of a shape.
     pub fn new(shape: &Shape, texel_by_texel: bool) -> Self {
         let mut end = 0;
         let mut next = |n: usize| {
@@ -113,87 +112,4 @@ pub fn two(map: &[Quad], at: usize) -> &[f32] {
 #[inline(always)]
 pub fn two_mut(map: &mut [Quad], at: usize) -> &mut [f32] {
     map[at..at + 2].as_flattened_mut()
-}
-
-/// A centred map of its endpoints and weights.
-#[inline(always)]
-pub fn interpolate_blocks<V: Longest>(endpoints: &[f32], weights: &[f32], across: usize, map: &mut [Quad]) {
-    if weights.is_empty() {
-        // Texel by texel, or no map.
-        let (texels, _) = endpoints.as_chunks::<64>();
-        for (texels, corner) in texels.iter().zip(corners(across)) {
-            let (texels, _) = texels.as_chunks::<4>();
-            for (i, f) in texels.iter().enumerate() {
-                map[corner + i / 4 * across + i % 4] = f.map(centred);
-            }
-        }
-        return;
-    }
-    let (endpoints, _) = endpoints.as_chunks::<8>();
-    let (weights, _) = weights.as_chunks::<16>();
-    for ((e, w), corner) in endpoints.iter().zip(weights).zip(corners(across)) {
-        let e0: Quad = std::array::from_fn(|c| centred(e[c]));
-        let d: Quad = std::array::from_fn(|c| CENTRE_SLOPE * (e[4 + c] - e[c]));
-        let (e0, d) = (V::Eight::twice(V::Four::load(&e0)), V::Eight::twice(V::Four::load(&d)));
-        let (pairs, _) = w.as_chunks::<2>();
-        for (i, pair) in pairs.iter().enumerate() {
-            let texels = V::Eight::spread(*pair).mul_add(d, e0);
-            texels.store(two_mut(map, corner + i / 2 * across + i % 2 * 2));
-        }
-    }
-}
-
-/// From the gradient with respect to a centred map (zeroed on the way) to that of endpoints and weights,
-/// which is overwritten.
-#[inline(always)]
-pub fn backpropagate_blocks<V: Longest>(
-    endpoints: &[f32],
-    weights: &[f32],
-    across: usize,
-    map: &mut [Quad],
-    d_endpoints: &mut [f32],
-    d_weights: &mut [f32],
-) {
-    if weights.is_empty() {
-        let (d_texels, _) = d_endpoints.as_chunks_mut::<64>();
-        for (d_texels, corner) in d_texels.iter_mut().zip(corners(across)) {
-            let (d_texels, _) = d_texels.as_chunks_mut::<4>();
-            for (i, d) in d_texels.iter_mut().enumerate() {
-                let g = std::mem::take(&mut map[corner + i / 4 * across + i % 4]);
-                *d = g.map(|g| CENTRE_SLOPE * g);
-            }
-        }
-        return;
-    }
-    let (endpoints, _) = endpoints.as_chunks::<8>();
-    let (weights, _) = weights.as_chunks::<16>();
-    let (d_endpoints, _) = d_endpoints.as_chunks_mut::<8>();
-    let (d_weights, _) = d_weights.as_chunks_mut::<16>();
-    let zero = V::Eight::splat(0.0);
-    for ((((e, w), de), dw), corner) in
-        endpoints.iter().zip(weights).zip(d_endpoints).zip(d_weights).zip(corners(across))
-    {
-        let d: Quad = std::array::from_fn(|c| CENTRE_SLOPE * (e[4 + c] - e[c]));
-        let d = V::Eight::twice(V::Four::load(&d));
-        // ∂e₁ = Σ w g, ∂e₀ = Σ g − ∂e₁, ∂w = g · (e₁ − e₀)
-        let (mut all, mut second) = (zero, zero);
-        let (pairs, _) = w.as_chunks::<2>();
-        for (half, dw) in dw.chunks_exact_mut(8).enumerate() {
-            let mut products = [zero; 4];
-            for (k, product) in products.iter_mut().enumerate() {
-                let i = 4 * half + k;
-                let texels = two_mut(map, corner + i / 2 * across + i % 2 * 2);
-                let g = V::Eight::load(texels);
-                zero.store(texels);
-                all = all.add(g);
-                second = V::Eight::spread(pairs[i]).mul_add(g, second);
-                *product = g.mul(d);
-            }
-            V::Eight::sums(products).store(dw);
-        }
-        let slope = V::Four::splat(CENTRE_SLOPE);
-        let second = second.folded().mul(slope);
-        second.store(&mut de[4..]);
-        second.mul_add(V::Four::splat(-1.0), all.folded().mul(slope)).store(&mut de[..4]);
-    }
 }

@@ -1,12 +1,12 @@
 //! The loops over samples and parameters, compiled once per instruction set.
 
-use super::features::{backpropagate_blocks, interpolate_blocks};
+use super::features::{CENTRE_SLOPE, centred, corners, two_mut};
 use super::gather::{FeatureGradient, Features, Samples, gather, scatter};
 use super::network::{CHUNK, FEATURE_ROW, Network, NetworkGradient, Rows, Trace};
 use super::problem::{Problem, Texel};
 #[cfg(target_arch = "x86_64")]
 use crate::lanes::{Avx2, Avx512};
-use crate::lanes::{Instructions, Lanes, Longest, Quad, Tier, prefetch};
+use crate::lanes::{Instructions, Lanes, Longest, Quad, Tier, TwoQuads, prefetch};
 use crate::model::{FEATURES, Shape};
 
 /// Largest loss weight of a sample's channel, before that of its texel.
@@ -68,7 +68,7 @@ impl Noise {
 
     /// A table to take runs of rows from.
     pub fn new(shape: &Shape, random: &mut super::random::Random) -> Self {
-        let half = 0.5 / 256.0 * super::features::CENTRE_SLOPE;
+        let half = 0.5 / 256.0 * CENTRE_SLOPE;
         let [uvt, uv, ut, vt, ..] = shape.columns().map(|columns| !columns.is_empty());
         let there: [bool; FEATURES] = [uvt, uvt, uvt, uvt, uv, uv, uv, uv, ut, ut, vt, vt];
         let mut row = || {
@@ -90,13 +90,9 @@ impl Noise {
 /// Loss and gradient of a batch. The loss is Σ w (y − target)², the gradient that of half of it times
 /// `scale`.
 pub struct Batch<'a, const H: usize> {
-    /// The tile.
     pub problem: &'a Problem,
-    /// Its features.
     pub features: Features<'a>,
-    /// Its decoder network.
     pub network: &'a Network<H>,
-    /// The samples.
     pub samples: &'a [Samples<'a>],
     /// Noise on the features, and what picks it.
     pub noise: Option<(&'a Noise, u64)>,
@@ -167,11 +163,8 @@ pub fn residual(y: Quad, target: Quad, base: &Quad, slope: &Quad) -> (Quad, Quad
 
 /// Squared error in linear light, summed over texels and channels, per time point, of the given texels.
 pub struct SquaredErrors<'a, const H: usize> {
-    /// The tile.
     pub problem: &'a Problem,
-    /// Its features.
     pub features: Features<'a>,
-    /// Its decoder network.
     pub network: &'a Network<H>,
     /// This many of the problem's time points.
     pub points: usize,
@@ -213,15 +206,10 @@ impl<const H: usize> Kernel for SquaredErrors<'_, H> {
 
 /// The loss Σ w r² over each 4×4 block of F_uv, texels by their weight in blocks.
 pub struct BlockLosses<'a, const H: usize> {
-    /// The tile.
     pub problem: &'a Problem,
-    /// Its features.
     pub features: Features<'a>,
-    /// Its decoder network.
     pub network: &'a Network<H>,
-    /// The samples.
     pub samples: &'a [Samples<'a>],
-    /// Number of blocks.
     pub blocks: usize,
 }
 
@@ -260,11 +248,8 @@ pub struct Linearised {
 
 /// Linearises the decoder network on chunks of samples and hands each to a function.
 pub struct Linearise<'a, const H: usize, F> {
-    /// The tile.
     pub problem: &'a Problem,
-    /// Its features.
     pub features: Features<'a>,
-    /// Its decoder network.
     pub network: &'a Network<H>,
     /// The time point and the texels.
     pub samples: &'a [Samples<'a>],
@@ -288,11 +273,9 @@ impl<const H: usize, F: FnMut(&Samples, &Linearised)> Kernel for Linearise<'_, H
     }
 }
 
-/// Makes a map of its endpoints and weights ([`interpolate_blocks`]).
+/// Makes a centred map of its endpoints and weights.
 pub struct InterpolateBlocks<'a> {
-    /// Endpoints of all blocks.
     pub endpoints: &'a [f32],
-    /// Weights of all blocks.
     pub weights: &'a [f32],
     /// Texels of a row; 4 block by block.
     pub across: usize,
@@ -304,16 +287,36 @@ impl Kernel for InterpolateBlocks<'_> {
     type Output = ();
     #[inline(always)]
     fn run<V: Longest>(self) {
-        interpolate_blocks::<V>(self.endpoints, self.weights, self.across, self.map);
+        let InterpolateBlocks { endpoints, weights, across, map } = self;
+        if weights.is_empty() {
+            // Texel by texel, or no map.
+            let (texels, _) = endpoints.as_chunks::<64>();
+            for (texels, corner) in texels.iter().zip(corners(across)) {
+                let (texels, _) = texels.as_chunks::<4>();
+                for (i, f) in texels.iter().enumerate() {
+                    map[corner + i / 4 * across + i % 4] = f.map(centred);
+                }
+            }
+            return;
+        }
+        let (endpoints, _) = endpoints.as_chunks::<8>();
+        let (weights, _) = weights.as_chunks::<16>();
+        for ((e, w), corner) in endpoints.iter().zip(weights).zip(corners(across)) {
+            let e0: Quad = std::array::from_fn(|c| centred(e[c]));
+            let d: Quad = std::array::from_fn(|c| CENTRE_SLOPE * (e[4 + c] - e[c]));
+            let (e0, d) = (V::Eight::twice(V::Four::load(&e0)), V::Eight::twice(V::Four::load(&d)));
+            let (pairs, _) = w.as_chunks::<2>();
+            for (i, pair) in pairs.iter().enumerate() {
+                let texels = V::Eight::spread(*pair).mul_add(d, e0);
+                texels.store(two_mut(map, corner + i / 2 * across + i % 2 * 2));
+            }
+        }
     }
 }
 
-/// Brings the gradient from a map to its endpoints and weights, and zeroes the former
-/// ([`backpropagate_blocks`]).
+/// Brings the gradient from a centred map to its endpoints and weights, and zeroes the former.
 pub struct BackpropagateBlocks<'a> {
-    /// Endpoints of all blocks.
     pub endpoints: &'a [f32],
-    /// Weights of all blocks.
     pub weights: &'a [f32],
     /// Texels of a row; 4 block by block.
     pub across: usize,
@@ -327,8 +330,50 @@ impl Kernel for BackpropagateBlocks<'_> {
     type Output = ();
     #[inline(always)]
     fn run<V: Longest>(self) {
-        let (endpoints, weights) = self.gradient.split_at_mut(self.endpoints.len());
-        backpropagate_blocks::<V>(self.endpoints, self.weights, self.across, self.map, endpoints, weights);
+        let BackpropagateBlocks { endpoints, weights, across, map, gradient } = self;
+        let (d_endpoints, d_weights) = gradient.split_at_mut(endpoints.len());
+        if weights.is_empty() {
+            let (d_texels, _) = d_endpoints.as_chunks_mut::<64>();
+            for (d_texels, corner) in d_texels.iter_mut().zip(corners(across)) {
+                let (d_texels, _) = d_texels.as_chunks_mut::<4>();
+                for (i, d) in d_texels.iter_mut().enumerate() {
+                    let g = std::mem::take(&mut map[corner + i / 4 * across + i % 4]);
+                    *d = g.map(|g| CENTRE_SLOPE * g);
+                }
+            }
+            return;
+        }
+        let (endpoints, _) = endpoints.as_chunks::<8>();
+        let (weights, _) = weights.as_chunks::<16>();
+        let (d_endpoints, _) = d_endpoints.as_chunks_mut::<8>();
+        let (d_weights, _) = d_weights.as_chunks_mut::<16>();
+        let zero = V::Eight::splat(0.0);
+        for ((((e, w), de), dw), corner) in
+            endpoints.iter().zip(weights).zip(d_endpoints).zip(d_weights).zip(corners(across))
+        {
+            let d: Quad = std::array::from_fn(|c| CENTRE_SLOPE * (e[4 + c] - e[c]));
+            let d = V::Eight::twice(V::Four::load(&d));
+            // ∂e₁ = Σ w g, ∂e₀ = Σ g − ∂e₁, ∂w = g · (e₁ − e₀)
+            let (mut all, mut second) = (zero, zero);
+            let (pairs, _) = w.as_chunks::<2>();
+            for (half, dw) in dw.chunks_exact_mut(8).enumerate() {
+                let mut products = [zero; 4];
+                for (k, product) in products.iter_mut().enumerate() {
+                    let i = 4 * half + k;
+                    let texels = two_mut(map, corner + i / 2 * across + i % 2 * 2);
+                    let g = V::Eight::load(texels);
+                    zero.store(texels);
+                    all = all.add(g);
+                    second = V::Eight::spread(pairs[i]).mul_add(g, second);
+                    *product = g.mul(d);
+                }
+                V::Eight::sums(products).store(dw);
+            }
+            let slope = V::Four::splat(CENTRE_SLOPE);
+            let second = second.folded().mul(slope);
+            second.store(&mut de[4..]);
+            second.mul_add(V::Four::splat(-1.0), all.folded().mul(slope)).store(&mut de[..4]);
+        }
     }
 }
 

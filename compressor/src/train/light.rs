@@ -21,9 +21,7 @@ const ALIKE_ANYWHERE: f64 = 0.01;
 /// The light of a tile, surveyed.
 #[derive(Clone, Debug)]
 pub struct Light {
-    /// Valid texels.
     pub valid: Vec<usize>,
-    /// Gutter texels.
     pub gutter: Vec<usize>,
     /// Per frame: what each channel is divided by, zero where black.
     pub means: Vec<[f32; 3]>,

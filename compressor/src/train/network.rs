@@ -63,7 +63,6 @@ pub struct Network<const H: usize> {
     b3: [f32; 4],
 }
 
-/// Gradients of the network's weights.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub struct NetworkGradient<const H: usize> {

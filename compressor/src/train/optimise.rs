@@ -60,7 +60,6 @@ pub struct Trainer<const H: usize> {
     pub problem: Problem,
     /// Order of the parameters.
     pub layout: Layout,
-    /// The parameters.
     pub params: Vec<f32>,
     /// F_uv and F_uvt as texels: made of the parameters, until they are frozen (of F_uv not by every step:
     /// [`Trainer::freeze`]).
@@ -83,7 +82,6 @@ pub struct Trainer<const H: usize> {
 }
 
 impl<const H: usize> Trainer<H> {
-    /// Instruction set in use.
     pub fn tier(&self) -> Tier {
         self.tier
     }

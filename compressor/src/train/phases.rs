@@ -44,7 +44,6 @@ const POINTS: usize = 8;
 /// A training at a multiple of the rates.
 pub struct Attempt<const H: usize> {
     trainer: Trainer<H>,
-    /// Factor of all rates.
     rate_scale: f32,
     beta2: f32,
     aim: Aim,

@@ -125,7 +125,6 @@ impl Texel {
 /// All samples of a tile.
 #[derive(Clone, Debug)]
 pub struct Problem {
-    /// Sizes of the maps.
     pub shape: Shape,
     /// What τ, γ and a target are.
     pub coding: Coding,
@@ -150,7 +149,6 @@ pub struct Problem {
     pub targets: Vec<Quad>,
     /// Means of all frames, zero where black.
     pub knots: Vec<Knot>,
-    /// The time axis.
     pub axis: Axis,
     /// Light groups that are gates.
     pub gates: Vec<u16>,

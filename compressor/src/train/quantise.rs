@@ -320,7 +320,6 @@ impl<const H: usize> Trainer<H> {
     }
 }
 
-/// Rounds centred texels to 8 bits.
 fn round_texels(map: &mut [Quad]) {
     for v in map.as_flattened_mut() {
         *v = centred(((*v / CENTRE_SLOPE + 0.5) * 255.0).round() / 255.0);

@@ -3,8 +3,9 @@
 use super::{WANTED, glb};
 use crate::bundle::{Bundle, Header};
 use crate::compress::{default_bundle, light_of};
+use crate::evaluate::sizes;
 use crate::{Error, Result, of_bundle};
-use dataset::config::Config;
+use dataset::config::{Config, hours_apart};
 use dataset::store::Dataset;
 use dataset::view::Camera;
 use ndgi::pack::rgb9e5;
@@ -138,10 +139,7 @@ impl Source {
         let count = (bytes / each.max(1)).min(self.frames() as u64) as usize;
         let mut frames: Vec<usize> = Vec::new();
         for wanted in WANTED {
-            let away = |frame: &usize| {
-                let gap = (self.hour(*frame) - wanted).abs();
-                gap.min(24.0 - gap)
-            };
+            let away = |frame: &usize| hours_apart(self.hour(*frame), wanted);
             let left = (0..self.frames()).filter(|frame| !frames.contains(frame));
             frames.extend(left.min_by(|a, b| away(a).total_cmp(&away(b))).filter(|_| frames.len() < count));
         }
@@ -247,12 +245,8 @@ fn difference(header: &Header, config: &Config) -> Option<String> {
     if found != expected {
         return Some(format!("is a bundle of scene {found:?}; expected one of {expected:?}"));
     }
-    let text = |sizes: Vec<(usize, usize)>| {
-        let of = |(width, height): &(usize, usize)| format!("{width} × {height}");
-        sizes.iter().map(of).collect::<Vec<_>>().join(", ")
-    };
-    let found = text(header.pages.iter().map(|page| (page.width, page.height)).collect());
-    let expected = text(config.pages.iter().map(|p| (p.width as usize, p.height as usize)).collect());
+    let found = sizes(header.pages.iter().map(|page| [page.width, page.height]));
+    let expected = sizes(config.pages.iter().map(|page| [page.width, page.height]));
     (found != expected)
         .then(|| format!("has pages of {found} texels; expected those of the dataset, {expected}"))
 }

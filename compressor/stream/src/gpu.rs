@@ -113,7 +113,11 @@ impl Runtime {
             );
             return Err(crate::Error::Device(what));
         }
-        let [maps, sun] = ["ndgi slots", "ndgi slots, sun"].map(|label| slots_of(device, label, size));
+        let [maps, sun] = ["ndgi slots", "ndgi slots, sun"].map(|label| {
+            let usage = wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::TEXTURE_BINDING;
+            let slots = feedback::texture(device, label, size, wgpu::TextureFormat::Rgba16Float, usage);
+            slots.create_view(&Default::default())
+        });
         let table = Table::new(device, queue, &pyramid, [&maps, &sun], (across, settings.exposure));
         let feedback = Feedback::new(device, settings.feedback);
         Ok(Runtime {
@@ -155,12 +159,7 @@ impl Runtime {
         let done = std::mem::take(&mut self.done);
         let mut report =
             Report { commands: self.stream.step(seen.as_deref(), &done, hour)?, ..Report::default() };
-        for tile in &report.commands.drops {
-            self.waiting.remove(tile);
-            self.sunlight.remove(tile);
-            // An answer that is still to come is of no use.
-            self.asked.retain(|_, read| read.tile != *tile);
-        }
+        report.commands.drops.iter().for_each(|tile| self.forget(*tile));
         report.commands.unloads.iter().for_each(|place| self.pool.unload(*place));
         let mut decodes = report.commands.decodes.clone();
         for load in report.commands.loads.clone() {
@@ -221,15 +220,19 @@ impl Runtime {
                 let mut more = Commands::default();
                 self.stream.refuse(tile, (!is_full).then(|| error.to_string()), &mut more);
                 report.commands.failures.append(&mut more.failures);
-                for tile in more.drops {
-                    self.sunlight.remove(&tile);
-                    self.asked.retain(|_, read| read.tile != tile);
-                }
+                more.drops.into_iter().for_each(|tile| self.forget(tile));
                 more.unloads.iter().chain([&place]).for_each(|place| self.pool.unload(*place));
                 report.refused += 1;
                 false
             }
         }
+    }
+
+    /// Forgets a tile that is off the device; an answer that is still to come is of no use.
+    fn forget(&mut self, tile: Tile) {
+        self.waiting.remove(&tile);
+        self.sunlight.remove(&tile);
+        self.asked.retain(|_, read| read.tile != tile);
     }
 
     fn put(&mut self, queue: &wgpu::Queue, load: &Load, waiting: &Waiting) -> ndgi_gpu::Result<u64> {
@@ -360,18 +363,4 @@ fn pool_of(
     let pool = Pool::new(device, queue, &bundles, settings.budgets.features, settings.options.clone())?;
     pool.prepare(Output::Rgba16Float);
     Ok(pool)
-}
-
-fn slots_of(device: &wgpu::Device, label: &str, [width, height]: [u32; 2]) -> wgpu::TextureView {
-    let texture = device.create_texture(&wgpu::TextureDescriptor {
-        label: Some(label),
-        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format: wgpu::TextureFormat::Rgba16Float,
-        usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::TEXTURE_BINDING,
-        view_formats: &[],
-    });
-    texture.create_view(&Default::default())
 }

@@ -321,8 +321,8 @@ impl Stream {
     /// `why`. The tile is read again later, and one tile that is not wanted is unloaded at once to make room.
     /// `commands` receives what has to be unloaded and dropped.
     pub fn refuse(&mut self, tile: Tile, why: Option<String>, commands: &mut Commands) {
-        if let Some(what) = why.filter(|_| !std::mem::replace(&mut self.state_mut(tile).reported, true)) {
-            commands.failures.push(Failure { tile, what });
+        if let Some(what) = why {
+            self.report(tile, &what, commands);
         }
         self.free_place(tile, commands);
         let tries = self.state(tile).refused;
@@ -369,6 +369,13 @@ impl Stream {
         Some(self.change(tile, shown.travelled, now, 0.0))
     }
 
+    /// Reports once that a tile cannot be read.
+    fn report(&mut self, tile: Tile, what: &str, commands: &mut Commands) {
+        if !std::mem::replace(&mut self.state_mut(tile).reported, true) {
+            commands.failures.push(Failure { tile, what: what.to_owned() });
+        }
+    }
+
     fn state(&self, tile: Tile) -> &State {
         &self.tiles[tile.0 as usize]
     }
@@ -381,7 +388,6 @@ impl Stream {
         self.state(tile).wanted == self.step
     }
 
-    /// A new ticket.
     fn ticket(&mut self) -> u64 {
         self.tickets += 1;
         self.tickets

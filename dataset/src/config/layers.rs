@@ -110,6 +110,11 @@ impl Layer {
         self.files.get(row)?.get(page)?.as_ref()
     }
 
+    /// True if it holds all of the sun's light in one.
+    pub fn is_whole_sun(&self) -> bool {
+        (self.light, self.part) == (Light::Sun, Part::All)
+    }
+
     /// True for direct light of the sun, which the sun's visibility gives at any time.
     pub fn is_direct_sun(&self) -> bool {
         (self.light, self.part) == (Light::Sun, Part::Direct)

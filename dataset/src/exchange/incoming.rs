@@ -11,7 +11,6 @@ use std::path::{Path, PathBuf};
 pub(super) struct Incoming {
     /// What the manifest calls it.
     pub layout: &'static str,
-    /// The bytes of the layout's configuration.
     pub config: Option<Vec<u8>>,
     pub unit: String,
     /// Ascending, in [0, 24).
@@ -70,7 +69,6 @@ pub(super) enum MaskFile {
 }
 
 impl IncomingPage {
-    /// The page's mask.
     pub fn mask(&self) -> Result<Mask> {
         let (width, height) = (self.width, self.height);
         let mut mask: Option<(Mask, &MaskFile)> = None;

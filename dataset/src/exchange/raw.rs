@@ -122,12 +122,10 @@ pub(super) fn write(
     Ok(total)
 }
 
-/// The bytes of light.
 pub(super) fn light_bytes(texels: &[[f32; 3]]) -> Vec<u8> {
     texels.iter().flatten().flat_map(|value| value.to_le_bytes()).collect()
 }
 
-/// The bytes of a mask.
 pub(super) fn mask_bytes(valid: &[bool]) -> Vec<u8> {
     valid.iter().map(|&valid| if valid { VALID } else { INVALID }).collect()
 }

@@ -5,10 +5,8 @@ use crate::image::Mask;
 /// A page of full resolution, as its half sees it.
 #[derive(Debug)]
 pub(super) struct Half {
-    source: Mask,
-    /// Columns of the half.
+    pub source: Mask,
     pub width: usize,
-    /// Rows of the half.
     pub height: usize,
 }
 
@@ -42,16 +40,6 @@ impl Half {
     pub fn new(source: Mask) -> Self {
         let (width, height) = (source.width.div_ceil(2), source.height.div_ceil(2));
         Half { source, width, height }
-    }
-
-    /// Columns of the page of full resolution.
-    pub fn source_width(&self) -> usize {
-        self.source.width
-    }
-
-    /// Rows of the page of full resolution.
-    pub fn source_height(&self) -> usize {
-        self.source.height
     }
 
     /// The valid texels under a texel of the half, or all that there are if none is valid.

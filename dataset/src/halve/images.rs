@@ -91,9 +91,9 @@ pub(super) fn write(job: &Job, writer: &mut Writer, root: &Path, config: &mut Co
 impl Job<'_> {
     /// The half of an image, its texels and its checksum checked.
     fn halved(&self, writer: &Writer, file: &FileRef) -> Result<Staged> {
-        let width = self.half.source_width();
+        let width = self.half.source.width;
         let staged = self.image(writer, |y0, y1| {
-            let (from, to) = (2 * y0, (2 * y1).min(self.half.source_height()));
+            let (from, to) = (2 * y0, (2 * y1).min(self.half.source.height));
             let texels = self.dataset.image_rows(file, self.page, from, to)?;
             let texel = |(x, y): (usize, usize)| texels[(y - from) * width + x];
             let places = (y0..y1).flat_map(|y| (0..self.half.width).map(move |x| (x, y)));
@@ -108,7 +108,7 @@ impl Job<'_> {
     fn sum(&self, writer: &Writer, halved: &Dataset, frame: usize) -> Result<Staged> {
         let place = self.dataset.path(&self.dataset.config.frames[frame].maps[self.page]);
         self.image(writer, |y0, y1| {
-            let texels = halved.layer_sum_rows(frame, self.page, y0, y1)?;
+            let texels = halved.shares_of(frame, self.page).sum_rows(halved, self.page, y0, y1)?;
             refuse_light(&place, self.half.width, y0, &texels).map_err(|error| match error {
                 Error::Invalid { place, what } => {
                     Error::invalid(place, format!("{what} (the sum of its halved layers)"))
@@ -123,9 +123,8 @@ impl Job<'_> {
     fn image(&self, writer: &Writer, rows: impl Fn(usize, usize) -> Result<Vec<[f32; 3]>>) -> Result<Staged> {
         let Half { width, height, .. } = *self.half;
         // Two rows of full resolution for each, in whole blocks of compressed files.
-        let band = (BAND_BYTES / (2 * size_of::<[f32; 3]>() * self.half.source_width()))
-            .next_multiple_of(16)
-            .max(16);
+        let band =
+            (BAND_BYTES / (2 * size_of::<[f32; 3]>() * self.half.source.width)).next_multiple_of(16).max(16);
         let mut texels = Vec::new();
         writer.stage(|path, out| {
             write_exr(path, out, (width, height), |y, row| {

@@ -18,7 +18,7 @@ use crate::store::{Dataset, MANIFEST, Writer, references, stem_of};
 use crate::{Error, Result};
 use half::Half;
 use serde_json::json;
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// What the generator of halved datasets begins with.
@@ -146,10 +146,10 @@ fn read(dataset: &Dataset, file: &FileRef) -> Result<Vec<u8>> {
     std::fs::read(&path).map_err(Error::io(&path))
 }
 
-/// The number of files in a halved dataset's folder, and their bytes, each counted once.
+/// The number of files that a manifest names, and their bytes, each counted once.
 pub fn extent(config: &Config) -> (usize, u64) {
-    let distinct: BTreeSet<(&str, u64)> = references(config).map(|file| (&*file.path, file.bytes)).collect();
-    (distinct.len(), distinct.iter().map(|(_, bytes)| bytes).sum())
+    let distinct: BTreeMap<&str, u64> = references(config).map(|file| (&*file.path, file.bytes)).collect();
+    (distinct.len(), distinct.values().sum())
 }
 
 /// The halved dataset in a folder, complete and made from this very source.

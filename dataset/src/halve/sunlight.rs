@@ -79,7 +79,7 @@ impl Page<'_> {
     /// The levels over a tile of the half: of the four tiles under it, or fewer at the edges.
     fn tile(&self, rect: &Rect) -> Result<Planes> {
         let visibility = &self.sunlight.visibility;
-        let (across, _) = grid(self.half.source_width(), self.half.source_height(), TILE);
+        let (across, _) = grid(self.half.source.width, self.half.source.height, TILE);
         let (x0, y0) = (2 * rect.x0 / TILE, 2 * rect.y0 / TILE);
         let mut under: [Option<(Rect, Planes)>; 4] = [const { None }; 4];
         for (i, slot) in under.iter_mut().enumerate() {

@@ -18,17 +18,12 @@ pub fn psnr_log_db(
     let floor = RELATIVE_FLOOR * page_mean;
     let log = |value: f32| (f64::from(value) / floor).ln_1p();
     let (mut texels, mut squared_error, mut peak) = (0usize, 0.0f64, 0.0f64);
-    for y in tile.y0..tile.y1 {
-        for index in y * reference.width + tile.x0..y * reference.width + tile.x1 {
-            if !mask.valid[index] {
-                continue;
-            }
-            texels += 1;
-            for (&a, &b) in decoded.texels[index].iter().zip(&reference.texels[index]) {
-                let wanted = log(b);
-                squared_error += (log(a) - wanted).powi(2);
-                peak = peak.max(wanted);
-            }
+    for index in tile.valid(mask) {
+        texels += 1;
+        for (&a, &b) in decoded.texels[index].iter().zip(&reference.texels[index]) {
+            let wanted = log(b);
+            squared_error += (log(a) - wanted).powi(2);
+            peak = peak.max(wanted);
         }
     }
     (peak > 0.0).then(|| psnr_db(peak, squared_error / (3 * texels) as f64))

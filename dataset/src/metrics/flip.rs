@@ -76,8 +76,8 @@ pub fn flip(
     quality: &TileQuality,
 ) -> Option<f64> {
     quality.ssim?;
-    let (width, height) = (tile.x1 - tile.x0, tile.y1 - tile.y0);
-    let places = (tile.y0..tile.y1).flat_map(|y| (tile.x0..tile.x1).map(move |x| y * mask.width + x));
+    let (width, height) = (tile.width(), tile.height());
+    let places = tile.texels(mask.width);
     let valid: Vec<bool> = places.clone().map(|i| mask.valid[i]).collect();
     let [decoded, reference] = [decoded, reference].map(|image| {
         let texels = places.clone().map(|i| if mask.valid[i] { image.texels[i] } else { [0.0; 3] });

@@ -19,7 +19,7 @@ pub(super) fn masked<const TAPS: usize>(
 ) -> f64 {
     let (width, height) = (tile.width(), tile.height());
     // Index in the page of each texel of the tile, row by row.
-    let in_page = || (tile.y0..tile.y1).flat_map(|y| (tile.x0..tile.x1).map(move |x| y * mask.width + x));
+    let in_page = || tile.texels(mask.width);
     let valid: Vec<bool> = in_page().map(|texel| mask.valid[texel]).collect();
     let mut blur = Blur::new(window, width, height);
 

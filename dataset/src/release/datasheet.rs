@@ -16,7 +16,6 @@ pub(super) struct Files<'a> {
     pub cc0: bool,
 }
 
-/// The datasheet as Markdown.
 pub(super) fn datasheet(config: &Config, files: &Files) -> String {
     let mut text = format!("# {}\n\n", plain(&config.scene));
     let (frames, pages) = (count(config.frames.len(), "frame"), count(config.pages.len(), "page"));
@@ -146,8 +145,7 @@ fn frames_table(text: &mut String, config: &Config) {
          `noise` of `config.json` names.\n\n| hour | light groups on | error, % |\n|---|---|---|\n",
     );
     for frame in &config.frames {
-        let on = config.groups.iter().zip(&frame.groups_on).filter(|(_, on)| **on);
-        let on: Vec<String> = on.map(|(group, _)| plain(&group.name)).collect();
+        let on: Vec<String> = config.names_on(frame).map(plain).collect();
         let error =
             frame.relative_error.map_or("not known".to_owned(), |error| format!("{:.2}", 100.0 * error));
         let _ = writeln!(text, "| {} | {} | {error} |", frame.hour, on.join(", "));

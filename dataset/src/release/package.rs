@@ -5,8 +5,9 @@ use super::bundle::expect_light;
 use super::datasheet::{Files, datasheet};
 use super::parts::{LAYERS, split, without_layers};
 use super::{Archive, FORMAT, MANIFEST, Manifest, READER, SUMS, Scene, VERSION, sums};
+use crate::config::hours_apart;
 use crate::exchange::export;
-use crate::files::{NewFolder, remove_folder, write_atomically, write_atomically_with};
+use crate::files::{NewFolder, json, remove_folder, write_atomically, write_atomically_with};
 use crate::layout::Layout;
 use crate::observe::{Meter, Observer};
 use crate::preview::pictures;
@@ -227,14 +228,10 @@ fn list(folder: &Path, prefix: &str, files: &mut Vec<Member>) -> Result<()> {
 
 /// The frames that pictures are made of, ascending; at least one.
 fn preview_frames(dataset: &Dataset) -> BTreeSet<usize> {
-    let frames = &dataset.config.frames;
-    let away = |frame: usize, hour: f64| {
-        let straight = (frames[frame].hour - hour).abs();
-        straight.min(24.0 - straight)
-    };
+    let config = &dataset.config;
     let nearest = PREVIEW_HOURS.iter().filter_map(|&hour| {
-        let nearest = (0..frames.len()).min_by(|&a, &b| away(a, hour).total_cmp(&away(b, hour)))?;
-        (away(nearest, hour) <= PREVIEW_REACH).then_some(nearest)
+        let nearest = config.nearest_frame(hour)?;
+        (hours_apart(config.frames[nearest].hour, hour) <= PREVIEW_REACH).then_some(nearest)
     });
     let nearest: BTreeSet<usize> = nearest.collect();
     if nearest.is_empty() { BTreeSet::from([0]) } else { nearest }
@@ -310,11 +307,4 @@ fn write_sums(root: &Path, console: &dyn Observer) -> Result<Vec<u64>> {
 
 fn length(path: &Path) -> Result<u64> {
     Ok(path.metadata().map_err(Error::io(path))?.len())
-}
-
-fn json(place: &Path, value: &impl serde::Serialize) -> Result<Vec<u8>> {
-    let mut json =
-        serde_json::to_vec_pretty(value).map_err(|error| Error::invalid(place.display(), error))?;
-    json.push(b'\n');
-    Ok(json)
 }

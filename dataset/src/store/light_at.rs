@@ -48,8 +48,7 @@ impl Dataset {
         // ((sun direct + sun indirect) + sky) + local, as in frames.
         let is_apart = self.config.layers.iter().any(Layer::is_direct_sun);
         let sunlight = if is_apart { self.sunlight(page)? } else { None };
-        let [width, height] =
-            [self.config.pages[page].width, self.config.pages[page].height].map(|side| side as usize);
+        let [width, height] = self.config.pages[page].size();
         let mut total = Image::black(width, height);
         let daylight =
             self.config.layers.iter().filter(|layer| matches!(layer.light, Light::Sun | Light::Sky));
@@ -124,8 +123,7 @@ impl Dataset {
 
     /// The light of two frames, each a sum of files, weighted.
     fn mixed<'a>(&self, files: impl Fn(usize) -> Vec<&'a FileRef>, page: usize, mix: &Mix) -> Result<Image> {
-        let [width, height] =
-            [self.config.pages[page].width, self.config.pages[page].height].map(|side| side as usize);
+        let [width, height] = self.config.pages[page].size();
         let mut mixed = Image::black(width, height);
         for (end, frame) in mix.frames.into_iter().enumerate() {
             let files = files(frame);

@@ -1,7 +1,7 @@
 //! The sun's direct light at any time of the bake, from its path, its visibility and the normals.
 
 use super::{Dataset, check};
-use crate::config::{FileRef, Page};
+use crate::config::FileRef;
 use crate::image::Image;
 use crate::normals::Normals;
 use crate::sun::SunPath;
@@ -84,7 +84,7 @@ impl Dataset {
         let path = self.path(file);
         let visibility = Visibility::open(&path)?;
         let [width, height] = visibility.size.map(|side| side as usize);
-        check::size(&path, (width, height), self.page(page))?;
+        check::size(&path, (width, height), &self.config.pages[page])?;
         Ok(visibility)
     }
 
@@ -92,12 +92,8 @@ impl Dataset {
         self.check_content(file)?;
         let path = self.path(file);
         let normals = Normals::read_png(&path)?;
-        check::size(&path, (normals.width, normals.height), self.page(page))?;
+        check::size(&path, (normals.width, normals.height), &self.config.pages[page])?;
         Ok(normals)
-    }
-
-    fn page(&self, page: usize) -> &Page {
-        &self.config.pages[page]
     }
 
     /// Everything that is wrong with the sun's path and visibility, files of `broken` paths omitted, which

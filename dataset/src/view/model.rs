@@ -18,7 +18,6 @@ const GREY: f32 = 0.5;
 /// Most triangles of a picture; repeated meshes count each time.
 const MOST_TRIANGLES: usize = 100_000_000;
 
-/// The scene.
 pub(super) struct Model {
     pub shapes: Vec<Shape>,
     pub parts: Vec<Part>,

@@ -229,7 +229,7 @@ fn cameras(config: &Config, model: &Model) -> impl Iterator<Item = Camera> {
 
 /// A default camera.
 fn lookout(dataset: &Dataset, model: &Model) -> Result<Camera> {
-    let masks = (0..dataset.config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
+    let masks = dataset.masks()?;
     let is_lit = |page: usize, at: Vec2| {
         let mask = &masks[page];
         let texel = |at: f32, side: usize| ((at * side as f32) as usize).min(side - 1);

@@ -152,7 +152,7 @@ fn judge(
     }
     print(&evaluation, console);
     if let Some(path) = csv {
-        evaluation.write_csv(&path)?;
+        write_atomically(&path, evaluation.csv().as_bytes())?;
     }
     let mut object = evaluation.json();
     object["tiles"] = json!(decoder.bundle().index.len());

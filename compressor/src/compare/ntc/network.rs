@@ -8,7 +8,6 @@ use bytemuck::{Pod, Zeroable};
 
 /// Inputs, with room to spare.
 pub const INPUTS: usize = 96;
-/// Width of the hidden layers.
 pub const HIDDEN: usize = 64;
 /// Outputs: RGB of each frame, and a spare one.
 pub const OUTPUTS: usize = 16;
@@ -76,22 +75,16 @@ pub struct Transposed {
 
 impl Transposed {
     pub fn new(weights: &Weights) -> Self {
-        let (mut w1, mut w2, mut w3) = (
-            Box::new([[0.0; INPUTS]; HIDDEN]),
-            Box::new([[0.0; HIDDEN]; HIDDEN]),
-            Box::new([[0.0; HIDDEN]; OUTPUTS]),
-        );
-        for (i, row) in weights.w1.iter().enumerate() {
-            row.iter().zip(w1.iter_mut()).for_each(|(w, column)| column[i] = *w);
-        }
-        for (i, row) in weights.w2.iter().enumerate() {
-            row.iter().zip(w2.iter_mut()).for_each(|(w, column)| column[i] = *w);
-        }
-        for (i, row) in weights.w3.iter().enumerate() {
-            row.iter().zip(w3.iter_mut()).for_each(|(w, column)| column[i] = *w);
-        }
-        Transposed { w1, w2, w3 }
+        Transposed { w1: transposed(&weights.w1), w2: transposed(&weights.w2), w3: transposed(&weights.w3) }
     }
+}
+
+fn transposed<const I: usize, const O: usize>(matrix: &[[f32; O]; I]) -> Box<[[f32; I]; O]> {
+    let mut columns = Box::new([[0.0; I]; O]);
+    for (i, row) in matrix.iter().enumerate() {
+        row.iter().zip(columns.iter_mut()).for_each(|(w, column)| column[i] = *w);
+    }
+    columns
 }
 
 /// Hidden values of a block, and slopes of their activations.

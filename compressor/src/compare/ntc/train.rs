@@ -16,14 +16,12 @@ use std::ops::Range;
 
 /// Blocks of samples of a step: 4096 samples.
 const BLOCKS: usize = 128;
-/// Learning rates of grids and network.
 const RATES: [f32; 2] = [0.01, 0.005];
 /// Share of the steps after which the grids are rounded and held.
 const FROZEN: f64 = 0.95;
 /// Adam's.
 const BETA: [f32; 2] = [0.9, 0.999];
 
-/// A segment as stored.
 pub struct Trained {
     grids: Vec<f32>,
     weights: Box<Weights>,

@@ -22,7 +22,6 @@ type Frame = Vec<[f32; 3]>;
 /// Temporal error of a method.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Line {
-    /// The method.
     pub method: String,
     /// Mean over steps and pixels of |Δ method − Δ reference|, in shares of white as exposed.
     pub error: f64,

@@ -10,7 +10,6 @@ use dataset::tiles::TILE;
 /// what the dataset has, nothing is shown: it is the mean of the valid neighbours for all.
 const RINGS: usize = 4;
 
-/// The pages of a dataset.
 pub(super) struct Pages<'a> {
     dataset: &'a Dataset,
     set: &'a TileSet,
@@ -20,8 +19,7 @@ pub(super) struct Pages<'a> {
 
 impl<'a> Pages<'a> {
     pub fn new(dataset: &'a Dataset, set: &'a TileSet) -> Result<Self> {
-        let masks =
-            (0..dataset.config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>>>()?;
+        let masks = dataset.masks()?;
         let fills = masks.iter().map(|mask| Fill::near(mask, RINGS)).collect();
         Ok(Pages { dataset, set, masks, fills })
     }

@@ -22,11 +22,8 @@ const ZOOM: usize = 3;
 /// texels.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Seen {
-    /// The camera's name.
     pub camera: String,
-    /// The hour.
     pub hour: f64,
-    /// The method.
     pub method: String,
     /// Its bits per texel and frame.
     pub bpp: f64,
@@ -47,9 +44,7 @@ pub struct Crop {
     pub what: String,
     /// Its page, column and row.
     pub tile: [usize; 3],
-    /// The hour.
     pub hour: f64,
-    /// The method.
     pub method: String,
     /// Of the linear light, as in the table.
     pub psnr_db: Option<f64>,
@@ -64,11 +59,8 @@ type Pictures = (String, Vec<(String, Vec<u8>)>);
 #[derive(Clone, Debug, Serialize)]
 pub struct Rendered {
     pub(super) scene: String,
-    /// Names of the cameras.
     pub cameras: Vec<String>,
-    /// The times of day.
     pub times: Vec<Shown>,
-    /// Every picture.
     pub views: Vec<Seen>,
     /// Tiles close up.
     pub crops: Vec<Crop>,

@@ -17,7 +17,6 @@ const BESIDE: f64 = 0.05;
 /// A time that is shown.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Shown {
-    /// Its hour.
     pub hour: f64,
     /// Which it is.
     pub what: String,
@@ -30,11 +29,7 @@ pub(super) fn choose(dataset: &Dataset) -> Result<(Vec<Shown>, Vec<String>)> {
     let frames = &dataset.config.frames;
     let (mut shown, mut skipped): (Vec<Shown>, Vec<String>) = (Vec::new(), Vec::new());
     for (what, wanted) in HOURS {
-        let distance = |k: &usize| {
-            let d = (frames[*k].hour - wanted).abs();
-            d.min(24.0 - d)
-        };
-        let nearest = (0..frames.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        let nearest = dataset.config.nearest_frame(wanted);
         if let Some(frame) = nearest.filter(|k| shown.iter().all(|shown| shown.frame != Some(*k))) {
             shown.push(Shown { hour: frames[frame].hour, what: what.to_owned(), frame: Some(frame) });
         }

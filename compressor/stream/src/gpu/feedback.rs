@@ -31,16 +31,8 @@ impl Feedback {
     pub const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R32Uint;
 
     pub(super) fn new(device: &wgpu::Device, size: [u32; 2]) -> Self {
-        let texture = device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("ndgi feedback"),
-            size: wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: Self::FORMAT,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
-            view_formats: &[],
-        });
+        let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC;
+        let texture = texture(device, "ndgi feedback", size, Self::FORMAT, usage);
         let buffer = |_| {
             let buffer = device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some("ndgi feedback"),
@@ -119,6 +111,26 @@ impl Feedback {
         }
         seen
     }
+}
+
+/// A texture of one layer.
+pub(super) fn texture(
+    device: &wgpu::Device,
+    label: &str,
+    [width, height]: [u32; 2],
+    format: wgpu::TextureFormat,
+    usage: wgpu::TextureUsages,
+) -> wgpu::Texture {
+    device.create_texture(&wgpu::TextureDescriptor {
+        label: Some(label),
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage,
+        view_formats: &[],
+    })
 }
 
 /// Bytes of a buffer's row.

@@ -1,6 +1,6 @@
 //! Takes up what was read.
 
-use super::{Answer, Commands, Completion, Data, Failure, Stream};
+use super::{Answer, Commands, Completion, Data, Stream};
 use crate::Tile;
 
 /// Steps before the first retry of a read; the wait doubles after each failure.
@@ -25,32 +25,23 @@ impl Stream {
     fn of_features(&mut self, tile: Tile, answer: &Answer, commands: &mut Commands) {
         let Data::Reading { tries, .. } = self.state(tile).data else { return };
         let times = self.state(tile).visible.ready;
-        let data = match answer {
-            Answer::Arrived => Data::Arrived { times },
-            Answer::Failed { is_lasting, what } => {
-                // It is reported once; but only what is damaged is given up.
-                if (*is_lasting || tries >= self.budgets.retries)
-                    && !std::mem::replace(&mut self.state_mut(tile).reported, true)
-                {
-                    commands.failures.push(Failure { tile, what: what.clone() });
-                }
-                match is_lasting {
-                    true => Data::Failed,
-                    false => Data::Waiting { step: self.step + (PAUSE << tries.min(MOST)), tries: tries + 1 },
-                }
-            }
+        let Answer::Failed { is_lasting, what } = answer else {
+            self.state_mut(tile).data = Data::Arrived { times };
+            return;
         };
-        if !matches!(data, Data::Arrived { .. }) {
-            self.under_way.retain(|other| *other != tile);
-            self.state_mut(tile).visible = Default::default();
+        // Only what is damaged is given up.
+        if *is_lasting || tries >= self.budgets.retries {
+            self.report(tile, what, commands);
         }
-        if data == Data::Failed {
-            // Its slot could not be decoded again, so a coarser tile is the better choice.
-            self.wanted.remove(&tile);
-            self.pinned.retain(|other| *other != tile);
-            self.free_slot(tile, commands);
+        self.under_way.retain(|other| *other != tile);
+        self.state_mut(tile).visible = Default::default();
+        match is_lasting {
+            true => self.give_up(tile, commands),
+            false => {
+                let step = self.step + (PAUSE << tries.min(MOST));
+                self.state_mut(tile).data = Data::Waiting { step, tries: tries + 1 };
+            }
         }
-        self.state_mut(tile).data = data;
     }
 
     fn of_interval(&mut self, tile: Tile, answer: &Answer, commands: &mut Commands) {
@@ -62,16 +53,19 @@ impl Stream {
             Answer::Failed { is_lasting: false, .. } => {}
             Answer::Failed { what, .. } => {
                 // Its features passed their checks, so unpacking would fail again.
-                if !std::mem::replace(&mut self.state_mut(tile).reported, true) {
-                    commands.failures.push(Failure { tile, what: what.clone() });
-                }
-                self.wanted.remove(&tile);
-                self.pinned.retain(|other| *other != tile);
-                self.free_slot(tile, commands);
-                self.free_place(tile, commands);
-                self.state_mut(tile).data = Data::Failed;
+                self.report(tile, what, commands);
+                self.give_up(tile, commands);
             }
         }
+    }
+
+    /// Never reads a tile again. Its slot could not be decoded again, so a coarser tile is the better choice.
+    fn give_up(&mut self, tile: Tile, commands: &mut Commands) {
+        self.wanted.remove(&tile);
+        self.pinned.retain(|other| *other != tile);
+        self.free_slot(tile, commands);
+        self.free_place(tile, commands);
+        self.state_mut(tile).data = Data::Failed;
     }
 
     /// Takes away a tile's slot.

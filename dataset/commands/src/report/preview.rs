@@ -2,7 +2,7 @@
 
 use super::Section;
 use dataset::Result;
-use dataset::config::{Config, Frame};
+use dataset::config::Config;
 use dataset::image::{Image, Mask};
 use dataset::preview::{encode, exposure, is_lit, mask_png, reduce};
 use dataset::store::Dataset;
@@ -16,7 +16,7 @@ const MUCH_DARKER: f32 = 6.0;
 pub fn section(dataset: &Dataset) -> Result<Section> {
     let config = &dataset.config;
     let mut section = Section::new(&format!("Lightmaps of {}", config.scene));
-    let masks: Vec<Mask> = (0..config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<_>>()?;
+    let masks = dataset.masks()?;
     section.table(&[], &summary(config, &masks));
 
     // Every frame of every page, reduced; (frame, page) in this order.
@@ -123,10 +123,9 @@ fn page_name(config: &Config, page: usize) -> String {
 
 /// Such as `18.1 h · porch, garden on`.
 fn caption(config: &Config, frame: usize, page: usize) -> String {
-    let Frame { hour: at, groups_on, .. } = &config.frames[frame];
-    let on = config.groups.iter().zip(groups_on).filter(|(_, on)| **on).map(|(group, _)| &*group.name);
-    let on: Vec<&str> = on.collect();
-    let mut caption = format!("{} h", hour(*at));
+    let frame = &config.frames[frame];
+    let on: Vec<&str> = config.names_on(frame).collect();
+    let mut caption = format!("{} h", hour(frame.hour));
     if config.pages.len() > 1 {
         caption.push_str(&format!(" · page {page}"));
     }

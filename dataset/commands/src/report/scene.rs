@@ -14,14 +14,9 @@ pub const PICTURE: [usize; 2] = [480, 270];
 
 /// The frames to show, each once.
 pub fn shown_frames(config: &Config) -> Vec<usize> {
-    let frames = &config.frames;
     let mut shown: Vec<usize> = Vec::new();
     for wanted in SHOWN_HOURS {
-        let distance = |k: &usize| {
-            let d = (frames[*k].hour - wanted).abs();
-            d.min(24.0 - d)
-        };
-        let nearest = (0..frames.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        let nearest = config.nearest_frame(wanted);
         shown.extend(nearest.filter(|k| !shown.contains(k)));
     }
     shown

@@ -9,12 +9,13 @@ use clap::{Parser, Subcommand};
 use dataset::config::{Config, Daylight, Layer};
 use dataset::console::{Console, ConsoleArgs, catch_interrupts, fail};
 use dataset::exchange::lightmaps_of;
+use dataset::halve::extent;
+use dataset::image::Mask;
 use dataset::observe::{Meter, count};
 use dataset::store::{Dataset, Verification};
 use dataset::visibility::Visibility;
 use dataset::{Error, Result};
 use serde_json::json;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -178,10 +179,8 @@ fn main() -> ExitCode {
 fn info(console: &Console, folder: &Path) -> Result<()> {
     let dataset = Dataset::open(folder)?;
     let config = &dataset.config;
-    let valid: Vec<usize> = (0..config.pages.len())
-        .map(|page| dataset.mask(page).map(|mask| mask.count()))
-        .collect::<Result<_>>()?;
-    let (files, bytes) = extent(&dataset);
+    let valid: Vec<usize> = dataset.masks()?.iter().map(Mask::count).collect();
+    let (files, bytes) = extent(config);
     let lightmaps = lightmaps_of(&dataset)?;
 
     match &config.source {
@@ -230,7 +229,7 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
         console.print(format!("  light group {}: {on}", group.name));
     }
     for frame in &config.frames {
-        let on = names_on(config, &frame.groups_on);
+        let on: Vec<&str> = config.names_on(frame).collect();
         let on = if on.is_empty() { "no light group".to_owned() } else { on.join(", ") };
         let error =
             frame.relative_error.map_or(String::new(), |error| format!("  error {:.2} %", 100.0 * error));
@@ -253,7 +252,7 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
     console.print(format!("  {}, {:.1} MB; unit: {}", count(files, "file"), bytes as f64 / 1e6, config.unit));
 
     let frames = config.frames.iter().map(|frame| {
-        json!({ "hour": frame.hour, "on": names_on(config, &frame.groups_on), "relative_error": frame.relative_error })
+        json!({ "hour": frame.hour, "on": config.names_on(frame).collect::<Vec<_>>(), "relative_error": frame.relative_error })
     });
     let pages =
         config.pages.iter().zip(&valid).map(
@@ -351,7 +350,7 @@ fn check(console: &Console, folder: &Path) -> Result<ExitCode> {
             console.say(format!("page {page}: {} on surfaces black in every frame", count(*dead, "texel")));
         }
     }
-    let (files, bytes) = opened.as_ref().map_or((0, 0), extent);
+    let (files, bytes) = opened.as_ref().map_or((0, 0), |dataset| extent(&dataset.config));
     let frames = opened.as_ref().map_or(0, |dataset| dataset.config.frames.len());
     let faults: Vec<String> = verification.faults.iter().map(ToString::to_string).collect();
     let ok = faults.is_empty();
@@ -376,15 +375,4 @@ fn check(console: &Console, folder: &Path) -> Result<ExitCode> {
 /// The name of a layer's light group.
 fn group_of<'a>(config: &'a Config, layer: &Layer) -> Option<&'a str> {
     Some(&config.groups.get(layer.group? as usize)?.name)
-}
-
-/// Names of the groups that are on.
-fn names_on<'a>(config: &'a Config, on: &[bool]) -> Vec<&'a str> {
-    config.groups.iter().zip(on).filter(|(_, on)| **on).map(|(group, _)| &*group.name).collect()
-}
-
-/// Number and total bytes of the files that the manifest names, each counted once.
-fn extent(dataset: &Dataset) -> (usize, u64) {
-    let distinct: BTreeMap<&str, u64> = dataset.files().map(|file| (&*file.path, file.bytes)).collect();
-    (distinct.len(), distinct.values().sum())
 }

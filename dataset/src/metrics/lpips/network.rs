@@ -7,7 +7,6 @@ use std::fmt::{self, Debug, Display, Formatter};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Shape of both inputs.
 const SHAPE: [usize; 4] = [1, 3, TILE, TILE];
 
 /// A network of two inputs and one output.

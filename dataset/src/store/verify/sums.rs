@@ -44,18 +44,6 @@ impl Dataset {
         results.into_iter().filter_map(Result::err).collect()
     }
 
-    /// Rows `y0 .. y1` of what the lightmap of a frame on a page is to be: ((sun direct + sun indirect) +
-    /// sky) + local.
-    pub(crate) fn layer_sum_rows(
-        &self,
-        frame: usize,
-        page: usize,
-        y0: usize,
-        y1: usize,
-    ) -> Result<Vec<[f32; 3]>> {
-        self.shares_of(frame, page).sum_rows(self, page, y0, y1)
-    }
-
     /// The paths of the files of which the lightmap of a frame on a page is the sum, light by light: where
     /// they are equal, so are the sums.
     pub(crate) fn summands(&self, frame: usize, page: usize) -> Vec<Vec<&str>> {
@@ -64,16 +52,15 @@ impl Dataset {
         lights.map(|files| files.into_iter().map(|file| &*file.path).collect()).collect()
     }
 
-    /// What a map is to be the sum of.
-    fn shares_of(&self, frame: usize, page: usize) -> Shares<'_> {
+    /// What the lightmap of a frame on a page is to be the sum of.
+    pub(crate) fn shares_of(&self, frame: usize, page: usize) -> Shares<'_> {
         let of = |light| self.config.files_of(light, None, frame, page);
         Shares { sun: of(Light::Sun), sky: of(Light::Sky), local: self.config.files_of_local(frame, page) }
     }
 
     /// Checks one map, row block by row block.
     fn verify_sum(&self, page: usize, mask: Option<&Mask>, map: &FileRef, shares: &Shares) -> Result<()> {
-        let (width, height) =
-            (self.config.pages[page].width as usize, self.config.pages[page].height as usize);
+        let [width, height] = self.config.pages[page].size();
         let imported = self.config.source.is_some();
         let mut wrong: Option<(Error, usize)> = None;
         for y0 in (0..height).step_by(ROWS) {
@@ -103,7 +90,7 @@ impl Dataset {
 }
 
 /// The files of a map's shares; those of one light in the order in which they are summed.
-struct Shares<'a> {
+pub(crate) struct Shares<'a> {
     sun: Vec<&'a FileRef>,
     sky: Vec<&'a FileRef>,
     /// Per light, in their order.
@@ -115,8 +102,14 @@ impl<'a> Shares<'a> {
         [&self.sun, &self.sky].into_iter().chain(&self.local).flatten().copied()
     }
 
-    /// (sun + sky) + local; an absent share is black.
-    fn sum_rows(&self, dataset: &Dataset, page: usize, y0: usize, y1: usize) -> Result<Vec<[f32; 3]>> {
+    /// Rows `y0 .. y1` of the sum: ((sun direct + sun indirect) + sky) + local; an absent share is black.
+    pub(crate) fn sum_rows(
+        &self,
+        dataset: &Dataset,
+        page: usize,
+        y0: usize,
+        y1: usize,
+    ) -> Result<Vec<[f32; 3]>> {
         let share = |files: &[&FileRef]| dataset.sum_rows(files, page, y0, y1);
         let mut sum = share(&self.sun)?;
         add(&mut sum, &share(&self.sky)?);
