@@ -9,6 +9,7 @@ use crate::grid::Place;
 use crate::lanes::Tier;
 use crate::mean::{mean, weighted_mean};
 use crate::model::Contents;
+use crate::train::TrainedTile;
 use dataset::files::{json, write_atomically};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -108,14 +109,14 @@ impl Outcome {
                     .filter(|_| !payload.ndgi.bytes.is_empty())
                     .map(|contents| contents.to_string()),
                 bytes: payload.bytes(),
-                steps: stats.steps,
-                psnr_db: stats.psnr_db,
-                omitted: stats.omitted.clone(),
+                steps: stats.trained.steps,
+                psnr_db: stats.trained.psnr_db,
+                omitted: stats.trained.omitted.clone(),
             };
-        let mean_of = |value: fn(&TileStats) -> Option<f64>| {
-            weighted_mean(stats.iter().filter_map(|tile| Some((value(tile)?, tile.texels))))
+        let mean_of = |value: fn(&TrainedTile) -> Option<f64>| {
+            weighted_mean(stats.iter().filter_map(|tile| Some((value(&tile.trained)?, tile.texels))))
         };
-        let steps = || stats.iter().map(|tile| tile.steps).filter(|steps| *steps > 0);
+        let steps = || stats.iter().map(|tile| tile.trained.steps).filter(|steps| *steps > 0);
         Outcome {
             bundle,
             bytes,
@@ -141,18 +142,18 @@ impl Outcome {
 
 /// The training curve over all tiles: the mean of the tiles' i-th points, PSNR weighted by texels.
 fn aggregate(stats: &[TileStats]) -> Vec<CurvePoint> {
-    let points = stats.iter().map(|tile| tile.curve.len()).max().unwrap_or(0);
+    let points = stats.iter().map(|tile| tile.trained.curve.len()).max().unwrap_or(0);
     let at = |i: usize| {
-        let point = move |tile: &TileStats| Some((*tile.curve.get(i)?, tile.texels));
-        stats.iter().filter_map(point).filter(|(point, _)| point.2.is_finite())
+        let point = move |tile: &TileStats| Some((*tile.trained.curve.get(i)?, tile.texels));
+        stats.iter().filter_map(point).filter(|(point, _)| point.psnr_db.is_finite())
     };
     (0..points)
         .filter_map(|i| {
             Some(CurvePoint {
-                iteration: at(i).map(|(point, _)| point.0).max()?,
-                seconds: mean(at(i).map(|(point, _)| point.1))?,
-                mean_db: weighted_mean(at(i).map(|(point, texels)| (point.2, texels)))?,
-                worst_db: at(i).map(|(point, _)| point.2).min_by(f64::total_cmp)?,
+                iteration: at(i).map(|(point, _)| point.iteration).max()?,
+                seconds: mean(at(i).map(|(point, _)| point.seconds))?,
+                mean_db: weighted_mean(at(i).map(|(point, texels)| (point.psnr_db, texels)))?,
+                worst_db: at(i).map(|(point, _)| point.psnr_db).min_by(f64::total_cmp)?,
             })
         })
         .collect()
@@ -161,7 +162,7 @@ fn aggregate(stats: &[TileStats]) -> Vec<CurvePoint> {
 /// Distinct remarks with their number of tiles.
 fn count(stats: &[TileStats]) -> Vec<(String, usize)> {
     let mut counts = BTreeMap::new();
-    for remark in stats.iter().flat_map(|tile| &tile.omitted) {
+    for remark in stats.iter().flat_map(|tile| &tile.trained.omitted) {
         *counts.entry(remark.clone()).or_insert(0) += 1;
     }
     let mut counts: Vec<_> = counts.into_iter().collect();

@@ -96,9 +96,9 @@ impl Pace {
         if let Some(limit) = &self.limit {
             // A tile's own seconds are those of its thread's CPU; the share of its steps in them is what
             // counts.
-            let share = stats.stepping_seconds / stats.seconds;
+            let share = stats.trained.stepping_seconds / stats.seconds;
             let stepping = if share.is_finite() { share.min(1.0) * took.as_secs_f64() } else { 0.0 };
-            limit.state().ended(place, stats.steps, stepping, took.as_secs_f64() - stepping);
+            limit.state().ended(place, stats.trained.steps, stepping, took.as_secs_f64() - stepping);
         }
     }
 }
@@ -180,6 +180,7 @@ impl State {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::train::TrainedTile;
 
     const WHOLE: usize = 14_000;
     const SLIVER: usize = 300;
@@ -276,7 +277,8 @@ mod tests {
         );
         assert_eq!(pace.begin(place(0)), FLOOR, "nothing was measured yet");
         // 1000 steps in 1 of 3 CPU seconds, which took 6 seconds.
-        let stats = TileStats { steps: 1000, stepping_seconds: 1.0, seconds: 3.0, ..TileStats::default() };
+        let trained = TrainedTile { steps: 1000, stepping_seconds: 1.0, ..TrainedTile::default() };
+        let stats = TileStats { trained, seconds: 3.0, ..TileStats::default() };
         pace.measure(place(0), &stats, Duration::from_secs(6));
         let expected = (PLANNED * 3600.0 - 4.0) / 2e-3;
         let steps = pace.begin(place(1)) as f64;

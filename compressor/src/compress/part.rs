@@ -261,6 +261,7 @@ fn remove(path: PathBuf) {
 mod tests {
     use super::*;
     use crate::compress::TileStats;
+    use crate::train::{Point, TrainedTile};
 
     #[test]
     fn tiles_are_kept_and_damaged_ones_are_not_believed() {
@@ -269,14 +270,15 @@ mod tests {
         let part = Part::open(&out, false).unwrap();
         let stats = TileStats {
             texels: 1,
-            steps: 10,
-            stepping_seconds: 0.05,
-            psnr_unquantised_db: Some(44.25),
-            psnr_8bit_features_db: None,
-            psnr_db: None,
-            error: Some(0.5),
-            curve: vec![(10, 0.1, 30.0)],
-            omitted: vec!["black in 1 of 2 frames".to_owned()],
+            trained: TrainedTile {
+                steps: 10,
+                stepping_seconds: 0.05,
+                psnr_unquantised_db: Some(44.25),
+                error: Some(0.5),
+                curve: vec![Point { iteration: 10, seconds: 0.1, psnr_db: 30.0 }],
+                omitted: vec!["black in 1 of 2 frames".to_owned()],
+                ..TrainedTile::default()
+            },
             seconds: 1.5,
         };
         let ndgi = Section { word: 0x1234_5678, bytes: b"payload".to_vec() };

@@ -15,7 +15,7 @@ use crate::lanes::Tier;
 use crate::law::Law;
 use crate::model::{Contents, Profile, TileParams};
 use crate::tile::{self, Band};
-use crate::train::{self, Recipe, TrialFit};
+use crate::train::{self, Recipe, TrainedTile, TrialFit};
 use crate::{Error, Result, of_bundle};
 use dataset::image::Mask;
 use dataset::observe::{Observer, count};
@@ -82,7 +82,9 @@ struct Tile {
 impl Tile {
     /// A tile without a valid texel.
     fn empty() -> Self {
-        let stats = TileStats { omitted: vec![train::NO_TEXEL.to_owned()], ..TileStats::default() };
+        let omitted = vec![train::NO_TEXEL.to_owned()];
+        let trained = TrainedTile { omitted, ..TrainedTile::default() };
+        let stats = TileStats { trained, ..TileStats::default() };
         Tile { payload: Payload::default(), stats, resumed: false }
     }
 }
@@ -229,7 +231,7 @@ impl Tiles<'_> {
             let contents = self.contents(&chosen, place);
             let tile = self.train(place, contents, band, self.options.iterations)?;
             self.write_tile(&self.key(place, contents), &tile, band)?;
-            Ok((tile.stats.texels, tile.stats.psnr_db))
+            Ok((tile.stats.texels, tile.stats.trained.psnr_db))
         };
         self.shard_of(notes, Stage::Training, own, is_open, work, console)
     }
@@ -267,7 +269,7 @@ impl Tiles<'_> {
         let so_far = std::sync::Mutex::new((0.0, 0));
         let contents = |place| self.contents(chosen, place);
         let note = |tile: &Tile| {
-            let (Some(db), Ok(mut so_far)) = (tile.stats.psnr_db, so_far.lock()) else { return None };
+            let (Some(db), Ok(mut so_far)) = (tile.stats.trained.psnr_db, so_far.lock()) else { return None };
             so_far.0 += tile.stats.texels as f64 * db;
             so_far.1 += tile.stats.texels;
             Some(format!("{:.1} dB", so_far.0 / so_far.1 as f64))
@@ -451,7 +453,7 @@ impl Tiles<'_> {
             progress.advance(1);
             self.write_tile(&key(place), &tile, band)
         })?;
-        let stored = |tile: usize| finished(places[tile]).and_then(|tile| tile.stats.error);
+        let stored = |tile: usize| finished(places[tile]).and_then(|tile| tile.stats.trained.error);
         let pairs = worst.iter().filter_map(|&(trial_fits, tile)| Some((trial_fits, stored(tile)?)));
         let (trial_fits, stored) =
             pairs.fold((0.0, 0.0), |(a, b), (trial_fits, stored)| (a + trial_fits, b + stored));
@@ -621,18 +623,7 @@ impl Tiles<'_> {
         };
         let stats = TileStats {
             texels: tile::valid_texels(&self.masks[place.page], place),
-            steps: trained.steps,
-            stepping_seconds: trained.stepping_seconds,
-            psnr_unquantised_db: trained.psnr_unquantised_db,
-            psnr_8bit_features_db: trained.psnr_8bit_features_db,
-            psnr_db: trained.psnr_db,
-            error: trained.error,
-            curve: trained
-                .curve
-                .iter()
-                .map(|point| (point.iteration, point.seconds, point.psnr_db))
-                .collect(),
-            omitted: trained.omitted,
+            trained: TrainedTile { params: None, ..trained },
             seconds: clock.seconds(),
         };
         Ok(Tile { payload, stats, resumed: false })

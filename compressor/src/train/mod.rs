@@ -31,6 +31,7 @@ use crate::{Error, Result};
 use light::Light;
 use phases::Attempt;
 use problem::Problem;
+use serde::{Deserialize, Serialize};
 
 /// Recipe of a training.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,7 +71,7 @@ impl Recipe {
 }
 
 /// A point of the curve of quality against training time.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Point {
     /// Steps done.
     pub iteration: usize,
@@ -82,13 +83,14 @@ pub struct Point {
 }
 
 /// Result of a training.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TrainedTile {
-    /// Steps of the main phase.
+    /// Steps of the main phase; 0 for a tile without light.
     pub steps: usize,
     /// CPU seconds of these steps.
     pub stepping_seconds: f64,
     /// The stored tile; `None` for a tile that has no valid texel or is all black.
+    #[serde(skip)]
     pub params: Option<TileParams>,
     /// PSNR before quantisation over all valid texels; `None` if no frame has one.
     pub psnr_unquantised_db: Option<f64>,
@@ -190,17 +192,7 @@ fn train_coded(
         });
     }
     if light.lit() == 0 {
-        return Ok(TrainedTile {
-            steps: 0,
-            stepping_seconds: 0.0,
-            params: None,
-            psnr_unquantised_db: None,
-            psnr_8bit_features_db: None,
-            psnr_db: None,
-            error: None,
-            curve: Vec::new(),
-            omitted,
-        });
+        return Ok(TrainedTile { omitted, ..TrainedTile::default() });
     }
     let contents = choose(&light, &mut omitted);
     let recipe = &Recipe { iterations: needed_steps(recipe, &light), ..*recipe };
