@@ -197,7 +197,7 @@ fn main() -> ExitCode {
     typed::refuse_misspelt::<Cli>("a scene file");
     let cli = Cli::parse();
     console::catch_interrupts();
-    // Every layer of a time is read at once.
+    // All layer files of a time are open at once.
     dataset::system::allow_more_open_files();
     let console = Console::new(cli.console);
     let done = match cli.command {

@@ -56,7 +56,8 @@ pub fn free_bytes(folder: &Path) -> Option<u64> {
     }
 }
 
-/// Lets this process open as many files as the system allows it: many begin with 1024, some with 256.
+/// Raises this process's limit of open files to what the system allows, at most 65,536: many systems begin
+/// with 1024, some with 256. Does nothing where that fails.
 pub fn allow_more_open_files() {
     #[cfg(unix)]
     {

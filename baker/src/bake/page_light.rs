@@ -1,5 +1,5 @@
-//! Light on a page from the texels of layers: dilated and stitched, in bands of rows, so that what is in
-//! memory does not grow with the page's height.
+//! Light on a page from the texels of layers: dilated and stitched, in bands of rows, so that no image of a
+//! large page is in memory whole.
 
 use super::layers::{LayerReader, Texel};
 use super::post::Dilation;
@@ -48,13 +48,13 @@ struct Band {
     at_seams: Vec<(u32, u32)>,
 }
 
-/// A part of a layer on the page, to be had band by band.
+/// A part of a layer on the page, read band by band.
 pub struct PartLight {
     reader: LayerReader,
     scale: Rgb,
     /// At the texels of seams, dilated only.
     pub dilated_at_seams: Vec<[f32; 3]>,
-    /// And stitched.
+    /// The same after stitching.
     pub stitched_at_seams: Vec<[f32; 3]>,
     /// By page, whether any texel holds light.
     pub is_lit: Vec<bool>,
@@ -62,7 +62,7 @@ pub struct PartLight {
     whole: Option<Vec<[f32; 3]>>,
 }
 
-/// A sum of parts on the page, to be had likewise.
+/// A sum of parts on the page, likewise read band by band.
 #[derive(Default)]
 pub struct LightSum {
     /// Of all texels, where they are one band.
@@ -240,7 +240,7 @@ fn stitch(image: &mut [[f32; 3]], band: &Band, stitched: &[[f32; 3]]) {
     band.at_seams.iter().for_each(|&(texel, seam)| image[texel as usize] = stitched[seam as usize]);
 }
 
-/// Adds light to other.
+/// Adds light to light.
 pub fn add(to: &mut [[f32; 3]], what: &[[f32; 3]]) {
     for (t, w) in to.iter_mut().zip(what) {
         (0..3).for_each(|c| t[c] += w[c]);

@@ -30,7 +30,7 @@ pub struct Lights {
     pub hit_index_of_group: Vec<Option<usize>>,
     /// Whether what comes straight from the sky is summed apart.
     pub is_sky_apart: bool,
-    /// The rooms whose windows were found.
+    /// The rooms behind portals that lead outdoors.
     pub rooms: Vec<Room>,
 }
 

@@ -1,4 +1,4 @@
-//! The boxes of rooms whose windows were found: inside of them other surfaces are bright than outside.
+//! Rooms behind portals, as boxes: what is bright inside one may not be bright in the whole scene.
 
 use crate::geometry::Bounds;
 use glam::Vec3;
@@ -18,7 +18,7 @@ impl Room {
         0.05 * size + 0.05
     }
 
-    /// Rooms of windows, by opposite corners of their boxes; windows of one room tell about the same box.
+    /// Rooms of windows, by opposite corners of their boxes; boxes of one room are merged.
     pub fn of_windows(boxes: impl IntoIterator<Item = [Vec3; 2]>) -> Vec<Room> {
         let middle = |[low, high]: [Vec3; 2]| 0.5 * (low + high);
         let holds = |[low, high]: [Vec3; 2], p: Vec3| p.cmpge(low).all() && p.cmple(high).all();

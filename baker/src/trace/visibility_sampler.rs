@@ -21,7 +21,7 @@ pub struct SunAtTime {
     sun: SunLight,
     /// The mean direction towards the disc; not a unit vector.
     pub mean: Vec3,
-    /// Directions towards its places that points look at.
+    /// Directions to the points of the disc that texels sample, by index.
     directions: Vec<Vec3>,
 }
 
