@@ -167,7 +167,7 @@ impl Rectangle {
     }
 }
 
-/// The boxes of the rooms that portals are the windows of, by opposite corners in the world.
+/// The boxes of the rooms behind portals that lead outdoors, by opposite corners in the world.
 pub fn rooms(portals: &[Portal], geometry: &Geometry, ray_tracer: &RayTracer) -> Vec<[DVec3; 2]> {
     let of_portal = |portal: &Portal| {
         let corner = (portal.corner - geometry.origin).as_vec3();

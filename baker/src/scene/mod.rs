@@ -72,7 +72,7 @@ pub struct Scene {
     /// see it.)
     #[serde(skip)]
     pub find_portals: bool,
-    /// The boxes of the rooms that portals are the windows of, by opposite corners in the world.
+    /// The boxes of the rooms behind portals that lead outdoors, by opposite corners in the world.
     #[serde(skip)]
     pub rooms: Vec<[DVec3; 2]>,
     /// Geometry, in file order.

@@ -3,8 +3,8 @@
 //! solved, those are known: they are cut into facets, sampled, and weighted against the path by the balance
 //! heuristic.
 //!
-//! Daylight has facets of its own, shared by all its layers, and so has every group. In a room whose windows
-//! were found, daylight has others: what is bright there is dim beside a sunny field. Of more than a few
+//! Daylight has facets of its own, shared by all its layers, and so has every group. In a room behind a
+//! portal, daylight has others: what is bright there may be dim beside the sunlit outside. Of more than a few
 //! groups some are sampled with each path ([`super::light_subset`]). A facet is chosen in proportion to √Σ
 //! (its light ÷ the layer's mean)² over those layers, the best choice for the sum of their relative
 //! variances; and by how much of it arrives at the receiver, which a [`BrightSurfaceView`] holds for clusters
