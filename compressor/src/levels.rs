@@ -76,8 +76,8 @@ pub fn options(options: &Options, pages: &[Page], level: u32) -> Options {
 /// full-resolution `bundle`.
 ///
 /// # Errors
-/// Those of [`halve`], [`compress`] and [`evaluate`]; [`Error::Invalid`] where another run makes these
-/// levels.
+/// Those of [`halve`], [`compress`] and [`evaluate`]; [`crate::Error::Invalid`] where another run makes
+/// these levels.
 pub fn levels(root: &Path, of: &Options, bundle: &Path, console: &dyn Observer) -> Result<Vec<Level>> {
     let mut source = Dataset::open(root)?;
     let pages = source.config.pages.clone();
