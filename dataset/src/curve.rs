@@ -36,7 +36,7 @@ impl Curve {
     /// Reads a file.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Invalid`] with the time whose value is wrong.
+    /// [`crate::Error::Io`]; [`crate::Error::Invalid`] with the time whose value is wrong.
     pub fn read(path: &Path) -> Result<Self> {
         read_checked(path, Curve::fault)
     }
