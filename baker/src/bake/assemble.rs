@@ -5,7 +5,7 @@ use super::errors::{Errors, Sums};
 use super::json;
 use super::layers::{FilteredLayer, LayerReader, Layers, Part, Texel, each_sum};
 use super::local_errors::{COUNTED_ERRORS, CellMap, LocalErrorSummary, Pieces};
-use super::page_light::{BAND, LightSum, PageLight, PartLight, Texels, add};
+use super::page_light::{LightSum, PageLight, PartLight, TEXELS_OF_BAND, Texels, add};
 use super::plan::Plan;
 use super::seams::Jump;
 use super::valid::ValidTexels;
@@ -121,10 +121,10 @@ impl<'a> Assembler<'a> {
         cell_map: &'a CellMap,
         padding: u32,
     ) -> Result<Self> {
-        Assembler::in_bands(plan, geometry, atlas, layers, texels, cell_map, (padding, BAND))
+        Assembler::in_bands(plan, geometry, atlas, layers, texels, cell_map, (padding, TEXELS_OF_BAND))
     }
 
-    /// [`Assembler::new`] with about so many texels of an image in memory at once; the images are the same.
+    /// [`Assembler::new`], with bands of about `band` texels; the images do not depend on it.
     pub fn in_bands(
         plan: &'a Plan,
         geometry: &Geometry,
@@ -204,7 +204,7 @@ impl<'a> Assembler<'a> {
         self.page.part(self.reader(layer, part)?, self.plan.scale_of(layer))
     }
 
-    /// The light of some groups, by their layers: that of each is summed first.
+    /// The sum of the light of some groups, given by their layers; each group's parts are summed first.
     fn group_light(&self, layers: &[usize]) -> Result<LightSum> {
         let mut sum = LightSum::default();
         for &layer in layers {
@@ -235,7 +235,7 @@ impl<'a> Assembler<'a> {
             };
             let light = self.part(layer, part)?;
             let is_lit = |page: u32| light.is_lit[page as usize];
-            let files = self.add(writer, &stem(name), is_lit, |band| self.page.band(&light, band))?;
+            let files = self.store_image(writer, &stem(name), is_lit, |band| self.page.band(&light, band))?;
             shares.push((name, files));
             sum.add_part(light);
         }
@@ -252,7 +252,7 @@ impl<'a> Assembler<'a> {
     }
 
     /// Stores an image given by its bands, one file for each page that `is_lit`.
-    fn add<'t>(
+    fn store_image<'t>(
         &self,
         writer: &mut Writer,
         stem: &str,
@@ -260,12 +260,12 @@ impl<'a> Assembler<'a> {
         texels_of: impl Fn(usize) -> Result<Texels<'t>>,
     ) -> Result<Vec<Option<FileRef>>> {
         let width = self.mask().width;
-        let mut at_hand: Option<(usize, Texels)> = None;
-        let mut add = |page: u32| {
+        let mut last: Option<(usize, Texels)> = None;
+        let mut store_page = |page: u32| {
             let rows = self.atlas.page_rows(page);
             writer.add_exr(&self.stem(stem, page), (width, rows.len()), |y, row| {
                 let (band, y) = self.page.place_of_row(rows.start as usize + y);
-                let texels = match at_hand.take().filter(|(number, _)| *number == band) {
+                let texels = match last.take().filter(|(number, _)| *number == band) {
                     Some((_, texels)) => texels,
                     None => {
                         stop_if_interrupted()?;
@@ -273,11 +273,11 @@ impl<'a> Assembler<'a> {
                     }
                 };
                 row.copy_from_slice(&texels[y * width..][..width]);
-                at_hand = Some((band, texels));
+                last = Some((band, texels));
                 Ok(())
             })
         };
-        (0..self.atlas.pages).map(|page| is_lit(page).then(|| add(page)).transpose()).collect()
+        (0..self.atlas.pages).map(|page| is_lit(page).then(|| store_page(page)).transpose()).collect()
     }
 
     fn stem(&self, stem: &str, page: u32) -> String {
@@ -345,14 +345,14 @@ impl<'a> Assembler<'a> {
             }
             let on: Vec<usize> = self.plan.group_layers_of(i).collect();
             if on != groups_on {
-                // (The old one goes first.)
+                // (The old sum is freed before the new one is made.)
                 drop(group_light);
                 group_light = Rc::new(self.group_light(&on)?);
                 groups_on = on;
             }
             total.add_sum(&group_light);
             let texels_of = |band| self.page.band_of_sum(&total, band);
-            let maps = self.add(writer, &format!("frame-{hour}"), |_| true, texels_of)?;
+            let maps = self.store_image(writer, &format!("frame-{hour}"), |_| true, texels_of)?;
             frames.push(Frame {
                 hour: time.hour,
                 groups_on: time.groups_on.clone(),

@@ -7,7 +7,7 @@ use super::disk_space::{DiskSpace, IMAGE};
 use super::facts::density;
 use super::layout_estimate::{LayoutEstimate, cache_entries};
 use super::options::Integrator;
-use super::page_light::{BAND, LEAST_FILLED};
+use super::page_light::{LEAST_FILLED, TEXELS_OF_BAND};
 use super::post::Dilation;
 use super::prepare::Prepared;
 use super::rounds;
@@ -112,8 +112,9 @@ pub fn forecast(prepared: &Prepared, layout: &LayoutEstimate) -> Result<Forecast
     // and the sums of a group, of all groups, and of all light.
     let padding = prepared.scene.lightmap.padding.max(LEAST_FILLED);
     let around = 2 * Dilation::reach(padding) as u64 * u64::from(layout.size[0]);
-    let assembling =
-        known + IMAGE * all_texels.min(BAND as u64 + around) + 3 * IMAGE * all_texels.min(BAND as u64);
+    let assembling = known
+        + IMAGE * all_texels.min(TEXELS_OF_BAND as u64 + around)
+        + 3 * IMAGE * all_texels.min(TEXELS_OF_BAND as u64);
     // While layers are denoised: where texels are; and for each thread, a block and its surroundings.
     let block = DENOISED_NEIGHBOURS
         + DENOISED_LAYER * layers.min(denoise::LAYERS_AT_ONCE as u64)

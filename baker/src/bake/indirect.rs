@@ -33,7 +33,8 @@ pub struct Cache<'a> {
     pub bright_surfaces: Vec<BrightSurfaces>,
     /// Which of their facets hold a point.
     index: BrightFacetIndex,
-    /// How many of `bright_surfaces`, the first, are of daylight: those of rooms, then those of all surfaces.
+    /// How many of `bright_surfaces` are daylight's. They stand first: one list per room, then one of all
+    /// surfaces.
     of_daylight: usize,
     /// The bright surfaces of light groups among `bright_surfaces`, where groups are many.
     of_many: Range<usize>,
@@ -83,12 +84,12 @@ impl<'a> Cache<'a> {
         Cache { map, halves, bright_surfaces, index, of_daylight, of_many, views }
     }
 
-    /// Of the lists of daylight, that of the room which most of the receivers are in; else that of all
-    /// surfaces.
+    /// The index of daylight's list for a cell: that of the room which holds most of its receivers, else that
+    /// of all surfaces, if there is one.
     fn daylight_for(&self, receivers: &[(Receiver, Sample)]) -> Option<usize> {
         let is_for = |surfaces: &BrightSurfaces| {
             surfaces.room.is_none_or(|room| {
-                let inside = receivers.iter().filter(|(at, _)| room.holds(at.origin(), at.normal()));
+                let inside = receivers.iter().filter(|(at, _)| room.holds_surface(at.origin(), at.normal()));
                 2 * inside.count() > receivers.len()
             })
         };

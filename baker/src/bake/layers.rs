@@ -168,7 +168,7 @@ impl Layers {
         Ok(LayerReader { traced: self.open(layer)?, filtered })
     }
 
-    /// A part of a layer, likewise: as a filter left it where there is such a one.
+    /// A part of a layer, likewise; filtered if `filtered` is given and the part is filtered.
     pub fn reader_of(
         &self,
         digest: &str,
@@ -421,7 +421,7 @@ impl LayerReader {
         self.each_of(0..self.traced.texels(), value)
     }
 
-    /// Reads some texels likewise: `value` is given their positions among all.
+    /// Reads the texels at some positions; `value` is given each one's position in the layer.
     pub fn each_of(&self, positions: Range<usize>, mut value: impl FnMut(usize, Value)) -> Result<()> {
         for some in at_once(positions) {
             self.read(some.clone(), |i, v| value(some.start + i, v))?;
@@ -430,8 +430,8 @@ impl LayerReader {
     }
 }
 
-/// Goes through all `texels`, with the sum of some parts of layers at each, every one times a colour. Of all
-/// of these some texels at a time are in memory.
+/// Goes through all `texels` with the sum of some parts of layers at each; each part is multiplied by its
+/// colour. Only some texels at a time are in memory.
 pub fn each_sum(
     parts: &[(LayerReader, Rgb)],
     texels: usize,
@@ -449,7 +449,7 @@ pub fn each_sum(
     Ok(())
 }
 
-/// Positions in parts that memory holds.
+/// Cuts positions into ranges that fit into memory.
 fn at_once(positions: Range<usize>) -> impl Iterator<Item = Range<usize>> {
     const AT_ONCE: usize = 1 << 14;
     positions.clone().step_by(AT_ONCE).map(move |first| first..(first + AT_ONCE).min(positions.end))

@@ -15,9 +15,9 @@ use std::ops::Range;
 use std::rc::Rc;
 
 /// Texels of a band, about.
-pub const BAND: usize = 1 << 23;
+pub const TEXELS_OF_BAND: usize = 1 << 23;
 
-/// Texels around valid ones that are filled at least: a whole block of those a chart owns.
+/// The distance around valid texels that is filled at least: a 4×4 block, which one chart owns.
 pub const LEAST_FILLED: u32 = 4;
 
 /// Texels of a band, row by row.
@@ -39,7 +39,7 @@ pub struct PageLight<'a> {
 /// Rows that are in memory together.
 struct Band {
     rows: Range<usize>,
-    /// With the rows around them that light may be filled in from.
+    /// These rows, and those around them from which light may be filled in.
     window: Range<usize>,
     /// The covered texels of the blocks that the window touches, by position.
     positions: Range<usize>,
@@ -99,7 +99,7 @@ impl LightSum {
 }
 
 impl<'a> PageLight<'a> {
-    /// Light is filled in up to `padding` texels around valid ones; bands have about so many texels.
+    /// Light is filled in up to `padding` texels around valid ones; bands have about `texels_of_band` texels.
     pub fn new(
         geometry: &Geometry,
         atlas: &'a Atlas,
@@ -145,7 +145,7 @@ impl<'a> PageLight<'a> {
         (y / self.rows_of_band, y % self.rows_of_band)
     }
 
-    /// A part of a layer, each texel times a colour: goes over it once, for the seams.
+    /// A part of a layer, each texel times a colour. Reads it once, to stitch the seams.
     pub fn part(&self, reader: LayerReader, scale: Rgb) -> Result<PartLight> {
         let mut dilated_at_seams = vec![[0.0; 3]; self.seams.texels().len()];
         let mut is_lit = vec![false; self.atlas.pages as usize];

@@ -25,8 +25,8 @@ impl Dilation {
         Dilation::of_rows(mask, owners, distance, 0..mask.height)
     }
 
-    /// The same in some rows, as if no others were there: right where [`Dilation::reach`] more rows are on
-    /// both sides, or the page ends.
+    /// The same for some rows, as if there were no others. Rows are right if they are [`Dilation::reach`] or
+    /// more away from those left out.
     pub fn of_rows(mask: &Mask, owners: &Owners, distance: u32, rows: Range<usize>) -> Self {
         let (width, height) = (mask.width, rows.len());
         let owner = |texel: usize| owners.of(texel % width, rows.start + texel / width);
@@ -40,7 +40,8 @@ impl Dilation {
         Dilation { width, height, fills }
     }
 
-    /// How far away what is filled within a distance may come from: first within charts, then beyond.
+    /// How far away the source of what is filled within a distance may lie: charts' own rings come first,
+    /// then the space beyond, each with that distance.
     pub fn reach(distance: u32) -> usize {
         2 * distance as usize
     }

@@ -121,8 +121,9 @@ impl Seams {
         self.system.texels()
     }
 
-    /// Of light at these texels after dilation: gutter texels changed, and baked ones a little, so that both
-    /// sides agree. Linear, save that negative results become zero; the same whatever the number of threads.
+    /// Stitches light, given at these texels after dilation: gutter texels change, and baked ones a little,
+    /// so that both sides agree. Linear, save that negative results become zero; the same whatever the number
+    /// of threads.
     pub fn stitched(&self, light: &[[f32; 3]]) -> Vec<[f32; 3]> {
         self.system.solve(light)
     }

@@ -117,7 +117,7 @@ struct SentLight<'a> {
 }
 
 impl BrightFacets {
-    /// The bright facets among the surfaces of the cache by the light of some layers; `None` where little
+    /// The bright facets among the surfaces that count, by the light of some layers; `None` where little
     /// comes from them.
     pub fn find(
         geometry: &Geometry,
@@ -134,17 +134,17 @@ impl BrightFacets {
             Some(room) => {
                 let is_inside = |side: &&TriangleSide| {
                     room.touches(geometry.corners(side.triangle as usize))
-                        && side.facets().any(|number| sent.counts(side, number))
+                        && side.facets().any(|number| sent.is_counted(side, number))
                 };
                 inside = sides.par_iter().filter(is_inside).copied().collect();
                 &inside
             }
         };
         let brightness = sent.brightness(sides);
-        // Over all surfaces, the integrals of 1, brightness and its square.
+        // Over the surfaces that count, the integrals of 1, brightness and its square.
         let [mut area, mut light, mut second] = [0f64; 3];
         for (side, brightness) in sides.iter().zip(&brightness) {
-            area += side.area * side.facets().filter(|number| sent.counts(side, *number)).count() as f64;
+            area += side.area * side.facets().filter(|number| sent.is_counted(side, *number)).count() as f64;
             light += side.area * brightness.iter().map(|b| f64::from(*b)).sum::<f64>();
             second += side.area * brightness.iter().map(|b| f64::from(*b).powi(2)).sum::<f64>();
         }
@@ -203,7 +203,7 @@ impl SentLight<'_> {
         let unit: Vec<f32> =
             sums.iter().map(|&s| if s > 0.0 { (1.0 / s).min(1e30) as f32 } else { 0.0 }).collect();
         let of_facet = |side: &TriangleSide, number: u32, light: &mut [Rgb]| {
-            if !self.counts(side, number) {
+            if !self.is_counted(side, number) {
                 return 0.0;
             }
             let mut squares = 0.0;
@@ -228,7 +228,7 @@ impl SentLight<'_> {
         let of_sides = sides.par_chunks(256).map(|sides| {
             let (mut sums, mut light) = (vec![0f64; self.layers.len()], vec![Rgb::ZERO; self.layers.len()]);
             for side in sides {
-                for number in side.facets().filter(|number| self.counts(side, *number)) {
+                for number in side.facets().filter(|number| self.is_counted(side, *number)) {
                     self.at(side, number, Vec2::splat(1.0 / 3.0), &mut light);
                     sums.iter_mut().zip(&light).for_each(|(s, l)| *s += side.area * f64::from(luminance(*l)));
                 }
@@ -243,12 +243,12 @@ impl SentLight<'_> {
     }
 
     /// Whether a facet lies where surfaces count.
-    fn counts(&self, side: &TriangleSide, number: u32) -> bool {
+    fn is_counted(&self, side: &TriangleSide, number: u32) -> bool {
         self.room.is_none_or(|room| {
             let [p, q, r] = self.geometry.corners(side.triangle as usize);
             let b = point_of(side.along, number, Vec2::splat(1.0 / 3.0));
             let normal = self.geometry.normal(side.triangle as usize);
-            room.holds(p * b.x + q * b.y + r * b.z, if side.is_back { -normal } else { normal })
+            room.holds_surface(p * b.x + q * b.y + r * b.z, if side.is_back { -normal } else { normal })
         })
     }
 

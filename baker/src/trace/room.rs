@@ -44,12 +44,12 @@ impl Room {
         low.cmple(self.high).all() && high.cmpge(self.low).all()
     }
 
-    /// Whether a point of a surface with this normal is inside. (The outside of its walls is not, however
+    /// Whether a surface with this point and normal is inside. (The outside of its walls is not, however
     /// thin they are.)
-    pub fn holds(&self, point: Vec3, normal: Vec3) -> bool {
-        let before = point + normal * self.margin;
+    pub fn holds_surface(&self, point: Vec3, normal: Vec3) -> bool {
+        let in_front = point + normal * self.margin;
         let within = |p: Vec3| p.cmpge(self.low).all() && p.cmple(self.high).all();
-        within(point) && within(before)
+        within(point) && within(in_front)
     }
 }
 
@@ -69,9 +69,9 @@ mod tests {
         let room = rooms[0];
         // The floor, the ceiling, a wall; then the outsides of walls of 10 and 5 cm, and the field.
         let inside = [(Vec3::Y, [2.0, 0.0, 3.0]), (Vec3::NEG_Y, [2.0, 2.5, 3.0]), (Vec3::X, [0.0, 1.0, 4.9])];
-        assert!(inside.iter().all(|(normal, point)| room.holds(Vec3::from_array(*point), *normal)));
+        assert!(inside.iter().all(|(normal, point)| room.holds_surface(Vec3::from_array(*point), *normal)));
         let outside =
             [(Vec3::NEG_X, [-0.1, 1.0, 3.0]), (Vec3::Z, [1.0, 1.0, 5.05]), (Vec3::Y, [9.0, 0.0, 1.0])];
-        assert!(outside.iter().all(|(normal, point)| !room.holds(Vec3::from_array(*point), *normal)));
+        assert!(outside.iter().all(|(normal, point)| !room.holds_surface(Vec3::from_array(*point), *normal)));
     }
 }

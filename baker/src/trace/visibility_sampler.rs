@@ -67,9 +67,9 @@ impl VisibilitySampler {
         self.spread < FLAT_ANGLE && self.axis.dot(sun.disc().direction) > self.margin(sun)
     }
 
-    /// The part of a sun's light that reaches the texel, from 0 to 1 per channel: times `normal` ·
-    /// `mean`, times the sun's irradiance, it is the irradiance of the texel.
-    /// `None` where that product is none: the texel looks away.
+    /// The part of a sun's light that reaches the texel, from 0 to 1 per channel: times `normal` · `sun.mean`
+    /// and the sun's irradiance, it gives the irradiance of the texel. `None` where `normal` · `sun.mean` is
+    /// not positive: the texel looks away.
     ///
     /// It is the share of light that is not blocked, but where the texel looks away in part: there normal ·
     /// mean is less than what would arrive unblocked, and the part is so much greater, up to 1.

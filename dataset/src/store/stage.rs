@@ -45,7 +45,7 @@ impl Writer {
         Ok(staged)
     }
 
-    /// Adds an EXR file as [`Writer::add`] does, of an image that need not be in memory, nor its file:
+    /// Adds an EXR file as [`Writer::add`] does. Neither its image nor its bytes need be in memory:
     /// `fill(y, row)` writes the texels of row y, from the top to the bottom.
     ///
     /// # Errors

@@ -1,5 +1,5 @@
-//! Where the texels of a page lie in space, kept on disk block by block. Of these records some blocks are in
-//! memory, and per box of space the numbers of the blocks that have texels there.
+//! Where the texels of a page lie in space, on disk block by block. In memory are the blocks used last, and
+//! an index: which blocks have texels in which box of space.
 
 use super::neighbours::{Key, TexelInSpace};
 use crate::surface::BLOCK;
@@ -25,7 +25,7 @@ pub struct BlocksInSpace {
     file: File,
     /// The texels of each block.
     blocks: Vec<Range<u32>>,
-    /// Boxes that hold valid texels, each with a block of theirs, ascending.
+    /// Ascending pairs: a box with valid texels, and the number of a block that has some of them.
     boxes: Vec<(Key, u32)>,
     loaded: Mutex<Loaded>,
 }
@@ -33,9 +33,9 @@ pub struct BlocksInSpace {
 /// What is in memory.
 #[derive(Default)]
 struct Loaded {
-    /// By number, with the time of its last use.
+    /// By number, with the count of uses at its last one.
     blocks: BTreeMap<u32, (Arc<Block>, u64)>,
-    time: u64,
+    uses: u64,
 }
 
 /// A block in memory.
@@ -100,20 +100,20 @@ impl BlocksInSpace {
 
 impl Loaded {
     fn get(&mut self, number: u32) -> Option<Arc<Block>> {
-        self.time += 1;
+        self.uses += 1;
         let (block, last_use) = self.blocks.get_mut(&number)?;
-        *last_use = self.time;
+        *last_use = self.uses;
         Some(block.clone())
     }
 
-    /// Adds a block, in place of the one that was not used for longest.
+    /// Adds a block; if memory is full, the least recently used one goes.
     fn insert(&mut self, number: u32, block: Arc<Block>) {
         if self.blocks.len() >= BLOCKS_AT_ONCE {
             let oldest =
                 self.blocks.iter().min_by_key(|(_, (_, last_use))| *last_use).map(|(number, _)| *number);
             oldest.and_then(|number| self.blocks.remove(&number));
         }
-        self.blocks.insert(number, (block, self.time));
+        self.blocks.insert(number, (block, self.uses));
     }
 }
 
@@ -126,7 +126,7 @@ pub struct BlocksWriter {
 }
 
 impl BlocksWriter {
-    /// Into a file without a name in a folder: it goes when it is closed, also by a kill.
+    /// Into a nameless file in a folder, which is gone once closed, even by a kill.
     pub fn create(folder: &Path) -> Result<Self> {
         let file = tempfile::tempfile_in(folder).map_err(Error::io(folder))?;
         let (blocks, boxes) = (Vec::new(), Vec::new());
@@ -155,7 +155,7 @@ impl BlocksWriter {
     }
 }
 
-/// The valid ones of some texels by their boxes.
+/// The valid ones among some texels, ascending by box.
 fn sorted_keys(texels: &[TexelInSpace]) -> Vec<(Key, u32)> {
     let keys = texels.iter().zip(0..).filter(|(texel, _)| **texel != TexelInSpace::INVALID);
     let mut sorted: Vec<(Key, u32)> = keys.map(|(texel, i)| (texel.key(), i)).collect();

@@ -208,8 +208,9 @@ struct Block {
     estimated: Surroundings,
     /// The neighbours of all those, ascending.
     all: Vec<usize>,
-    /// Where the texels whose errors are estimated stand in `all`; and all their neighbours.
+    /// Where each of the estimated texels stands in `all`.
     loaded_index: Vec<u32>,
+    /// Where each of their neighbours stands in `all`, in the order of `estimated.neighbours`.
     loaded_neighbours: Vec<u32>,
 }
 
@@ -233,7 +234,7 @@ impl Block {
     }
 }
 
-/// Where numbers stand in an ascending list of them: a table in pieces, of which most are not needed.
+/// Finds where a number stands in an ascending list. A table in pieces: only those with numbers are made.
 struct Positions {
     piece_of: Vec<u32>,
     positions: Vec<u32>,

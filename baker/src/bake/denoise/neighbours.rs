@@ -60,7 +60,7 @@ pub struct Nearby {
     octave: i16,
     middle: Vec3,
     radius: f32,
-    /// Where they are, with their index among the others.
+    /// The positions of `texels`, each with its index there.
     positions: Vec<(Vec3, u32)>,
     texels: Vec<(TexelInSpace, u32)>,
 }
@@ -77,8 +77,8 @@ pub struct Neighbour {
 }
 
 impl TexelsInSpace {
-    /// Finds where the texels of some blocks lie in space; some of them are `valid`. The answers lie in a
-    /// nameless file in a folder.
+    /// Finds where the texels of some blocks lie in space; some of them are `valid`. The records go to a
+    /// nameless file in `folder`.
     ///
     /// # Errors
     /// [`crate::Error::Io`].

@@ -50,8 +50,8 @@ const NORMAL_BYTES: usize = 6;
 pub struct Page {
     /// The bytes of its file.
     pub visibility: Vec<u8>,
-    /// And of that of its normals: per texel, the mean of the shading normals there; 0 where there is no
-    /// surface.
+    /// The bytes of the file of normals: per texel, the mean of the shading normals there; 0 where there is
+    /// no surface.
     pub normals: Vec<u8>,
 }
 

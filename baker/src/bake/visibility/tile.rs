@@ -40,7 +40,7 @@ impl KnownVisibility {
     }
 }
 
-/// The suns of all times, with their places that points of texels look at.
+/// The suns of all times, with directions to the points of the disc that texels sample.
 pub fn suns_at(times: &VisibilityTimes, places: &[SunSample]) -> Vec<SunAtTime> {
     let of_disc =
         |disc: &SunDisc| SunAtTime::new(SunLight::new(*disc), mean_direction(disc).as_vec3(), places);
