@@ -5,7 +5,7 @@ use super::errors::{Errors, Sums};
 use super::json;
 use super::layers::{FilteredLayer, LayerReader, Layers, Part, Texel, each_sum};
 use super::local_errors::{COUNTED_ERRORS, CellMap, LocalErrorSummary, Pieces};
-use super::page_light::{LightSum, PageLight, PartLight, TEXELS_OF_BAND, Texels, add};
+use super::page_bands::{BandLight, LightSum, PageBands, PartLight, TEXELS_OF_BAND, add};
 use super::plan::Plan;
 use super::seams::Jump;
 use super::valid::ValidTexels;
@@ -31,7 +31,7 @@ pub struct Assembler<'a> {
     digests: &'a [String],
     /// Per layer, where it was filtered.
     filtered: Vec<Option<FilteredLayer>>,
-    page: PageLight<'a>,
+    page: PageBands<'a>,
     /// Per texel, the sum of all layers.
     light: Vec<f32>,
     cell_map: &'a CellMap,
@@ -121,11 +121,11 @@ impl<'a> Assembler<'a> {
         cell_map: &'a CellMap,
         padding: u32,
     ) -> Result<Self> {
-        Assembler::in_bands(plan, geometry, atlas, layers, texels, cell_map, (padding, TEXELS_OF_BAND))
+        Assembler::with_bands(plan, geometry, atlas, layers, texels, cell_map, (padding, TEXELS_OF_BAND))
     }
 
     /// [`Assembler::new`], with bands of about `band` texels; the images do not depend on it.
-    pub fn in_bands(
+    pub fn with_bands(
         plan: &'a Plan,
         geometry: &Geometry,
         atlas: &'a Atlas,
@@ -145,7 +145,7 @@ impl<'a> Assembler<'a> {
             layers,
             digests,
             filtered: vec![None; digests.len()],
-            page: PageLight::new(geometry, atlas, &owners, (texels, mask), padding, band),
+            page: PageBands::new(geometry, atlas, &owners, (texels, mask), padding, band),
             light,
             cell_map,
             pieces,
@@ -257,10 +257,10 @@ impl<'a> Assembler<'a> {
         writer: &mut Writer,
         stem: &str,
         is_lit: impl Fn(u32) -> bool,
-        texels_of: impl Fn(usize) -> Result<Texels<'t>>,
+        texels_of: impl Fn(usize) -> Result<BandLight<'t>>,
     ) -> Result<Vec<Option<FileRef>>> {
         let width = self.mask().width;
-        let mut last: Option<(usize, Texels)> = None;
+        let mut last: Option<(usize, BandLight)> = None;
         let mut store_page = |page: u32| {
             let rows = self.atlas.page_rows(page);
             writer.add_exr(&self.stem(stem, page), (width, rows.len()), |y, row| {

@@ -7,7 +7,7 @@ use super::disk_space::{DiskSpace, IMAGE};
 use super::facts::density;
 use super::layout_estimate::{LayoutEstimate, cache_entries};
 use super::options::Integrator;
-use super::page_light::{LEAST_FILLED, TEXELS_OF_BAND};
+use super::page_bands::{LEAST_FILLED, TEXELS_OF_BAND};
 use super::post::Dilation;
 use super::prepare::Prepared;
 use super::rounds;

@@ -8,7 +8,7 @@ use super::state::{BlockState, CELLS};
 use crate::Rgb;
 use crate::surface::BlockSurface;
 use crate::trace::bright_facet_index::BrightFacetIndex;
-use crate::trace::bright_facets::{BrightFacet, BrightLayers, MOST_CLUSTERS, sides};
+use crate::trace::bright_facets::{BrightFacet, BrightSelection, MOST_CLUSTERS, sides};
 use crate::trace::bright_surfaces::{BrightSurfaceView, BrightSurfaces};
 use crate::trace::cache::CacheMap;
 use crate::trace::cache_half::CacheHalf;
@@ -37,7 +37,7 @@ pub struct Cache<'a> {
     /// surfaces.
     of_daylight: usize,
     /// The bright surfaces of light groups among `bright_surfaces`, where groups are many.
-    of_many: Range<usize>,
+    of_many_groups: Range<usize>,
     /// Per block and cell, what is seen of each of them, once somebody asked.
     views: Vec<OnceLock<Vec<Option<CellView>>>>,
 }
@@ -54,20 +54,24 @@ impl<'a> Cache<'a> {
     pub fn new(worker: &Worker, map: CacheMap<'a>, halves: [CacheHalf; 2]) -> Self {
         let (geometry, lights) = (worker.transport.space.geometry, worker.transport.lights);
         // Each cell looks at each cluster: many groups have fewer of them.
-        let clusters = match lights.groups.len() {
+        let most_clusters = match lights.groups.len() {
             ..=FEW_GROUPS => MOST_CLUSTERS,
             many => (MANY_CLUSTERS / many).clamp(LEAST_CLUSTERS, MOST_CLUSTERS),
         };
         let of_group = |g| {
             let layer = lights.group_layer(g);
-            BrightLayers { layers: layer..layer + 1, key: lights.groups[g].key, clusters, room: None }
+            BrightSelection { layers: layer..layer + 1, key: lights.groups[g].key, most_clusters, room: None }
         };
-        let daylight =
-            |room| BrightLayers { layers: 0..lights.sky_layers().end, key: 0, clusters: MOST_CLUSTERS, room };
+        let daylight = |room| BrightSelection {
+            layers: 0..lights.sky_layers().end,
+            key: 0,
+            most_clusters: MOST_CLUSTERS,
+            room,
+        };
         let places = lights.rooms.iter().copied().map(Some).chain([None]);
         let all_layers = places.map(daylight).chain((0..lights.groups.len()).map(of_group));
         let sides = sides(geometry, &map);
-        let find = |bright_layers| BrightSurfaces::new(geometry, &map, &halves, &sides, bright_layers);
+        let find = |selection| BrightSurfaces::new(geometry, &map, &halves, &sides, selection);
         let bright_surfaces: Vec<BrightSurfaces> = all_layers.filter_map(find).collect();
         let cells =
             if bright_surfaces.is_empty() { 0 } else { worker.bins.columns * worker.bins.rows * CELLS };
@@ -79,9 +83,9 @@ impl<'a> Cache<'a> {
             .iter()
             .take_while(|surfaces| surfaces.layers.end <= lights.sky_layers().end)
             .count();
-        let is_many = lights.groups.len() > FEW_GROUPS;
-        let of_many = if is_many { of_daylight..bright_surfaces.len() } else { 0..0 };
-        Cache { map, halves, bright_surfaces, index, of_daylight, of_many, views }
+        let has_many_groups = lights.groups.len() > FEW_GROUPS;
+        let of_many_groups = if has_many_groups { of_daylight..bright_surfaces.len() } else { 0..0 };
+        Cache { map, halves, bright_surfaces, index, of_daylight, of_many_groups, views }
     }
 
     /// The index of daylight's list for a cell: that of the room which holds most of its receivers, else that
@@ -101,10 +105,13 @@ impl<'a> Cache<'a> {
     /// beside the mean of their layers. Daylight is always sampled.
     fn cell_views(&self, views: Vec<Option<BrightSurfaceView>>) -> Vec<Option<CellView>> {
         let mut sample_chances = vec![1.0; views.len()];
-        let of_many = &mut sample_chances[self.of_many.clone()];
+        let of_many_groups = &mut sample_chances[self.of_many_groups.clone()];
         let worth = |view: &Option<BrightSurfaceView>| view.as_ref().map_or(0.0, BrightSurfaceView::worth);
-        of_many.iter_mut().zip(&views[self.of_many.clone()]).for_each(|(chance, view)| *chance = worth(view));
-        chances(of_many, BRIGHT_GROUPS_PER_PATH);
+        of_many_groups
+            .iter_mut()
+            .zip(&views[self.of_many_groups.clone()])
+            .for_each(|(chance, view)| *chance = worth(view));
+        chances(of_many_groups, BRIGHT_GROUPS_PER_PATH);
         let cell_view =
             |(view, chance): (Option<BrightSurfaceView>, f32)| Some(CellView { view: view?, chance });
         views.into_iter().zip(sample_chances).map(cell_view).collect()

@@ -33,7 +33,7 @@ pub mod charts;
 pub mod check;
 pub mod post;
 pub mod seams;
-pub mod page_light;
+pub mod page_bands;
 pub mod assemble;
 pub mod scene_glb;
 pub mod options;

@@ -238,7 +238,7 @@ impl Plan {
             groups.iter().map(|g| shines(g).then(|| next_index.next()).flatten()).collect();
         let is_sky_apart = self.sky_baked == Baked::Indirect;
         let local = |corner: DVec3| (corner - geometry.origin).as_vec3();
-        let rooms = Room::of_windows(scene.rooms.iter().map(|room| room.map(local)));
+        let rooms = Room::merged(scene.rooms.iter().map(|room| room.map(local)));
         Lights {
             suns,
             sky,

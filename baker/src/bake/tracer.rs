@@ -165,7 +165,7 @@ impl Tracer<'_> {
             // anyway.
             history.guaranteed_samples = Some(guaranteed_samples);
             let Some(solved) =
-                self.cache(&blocks, before_rounds.covered, &history, is_begun, console, &mut traced)?
+                self.find_cache(&blocks, before_rounds.covered, &history, is_begun, console, &mut traced)?
             else {
                 return Ok(None);
             };
@@ -174,7 +174,9 @@ impl Tracer<'_> {
         if traced.resumed > 0 {
             console.say(format!("continuing after {} of an earlier run", count(traced.resumed, "round")));
         }
-        let Some(steps) = self.steps(&traced.rounds[..whole], &schedule, limits, &blocks, console)? else {
+        let Some(steps) =
+            self.finished_steps(&traced.rounds[..whole], &schedule, limits, &blocks, console)?
+        else {
             return Ok(None);
         };
         history.steps = steps;
@@ -207,7 +209,8 @@ impl Tracer<'_> {
                     progress.note(&note(last, limits));
                 }
             }
-            let Some(step) = self.step(target, limits, &traced.rounds, &blocks, is_beyond_first, console)?
+            let Some(step) =
+                self.plan_step(target, limits, &traced.rounds, &blocks, is_beyond_first, console)?
             else {
                 return Ok(None);
             };
@@ -218,7 +221,7 @@ impl Tracer<'_> {
                 let surface = self.worker.surface(block);
                 let done = match known.filter(|_| !step.concerns(&surface)) {
                     Some(known) => BlockResult { rays: RayCounts::default(), ..known },
-                    None => self.block(block, &surface, &step, &history, &late)?,
+                    None => self.trace_block(block, &surface, &step, &history, &late)?,
                 };
                 progress.advance(u64::from(target - previous));
                 Ok(done)
@@ -276,7 +279,7 @@ impl Tracer<'_> {
 
     /// The round that comes after `rounds`, which goes for `target` samples; `None` where what decides it is
     /// lost. `is_beyond_first`: blocks were brought beyond the first round before this run.
-    fn step(
+    fn plan_step(
         &self,
         target: u32,
         limits: &Limits,
@@ -392,7 +395,7 @@ impl Tracer<'_> {
 
     /// The cache. `None` where it is lost and cannot be made as it was, because rounds came after it
     /// (`is_begun`).
-    fn cache(
+    fn find_cache(
         &self,
         blocks: &[usize],
         covered: Vec<Covered>,
@@ -449,7 +452,7 @@ impl Tracer<'_> {
     }
 
     /// The steps of the finished `rounds`; `None` where what decided one of them is lost.
-    fn steps(
+    fn finished_steps(
         &self,
         rounds: &[Round],
         schedule: &[u32],
@@ -459,7 +462,7 @@ impl Tracer<'_> {
     ) -> Result<Option<Vec<Step>>> {
         let mut steps = Vec::new();
         for (round, &target) in schedule.iter().enumerate().take(rounds.len()) {
-            match self.step(target, limits, &rounds[..round], blocks, rounds.len() > 1, console)? {
+            match self.plan_step(target, limits, &rounds[..round], blocks, rounds.len() > 1, console)? {
                 // (What is traced again has all the time it takes.)
                 Some(step) => steps.push(Step { deadline: None, ..step }),
                 None => return Ok(None),
@@ -514,7 +517,7 @@ impl Tracer<'_> {
                 self.worker.more_direct(surface, &mut state, &[true; CELLS], samples, &history.direct_means);
         }
         for step in history.steps.iter().skip(state.round as usize) {
-            self.bring(block, surface, &mut state, step, history, rays);
+            self.advance_block(block, surface, &mut state, step, history, rays);
         }
         stop_if_interrupted()?;
         self.folder.write_block(block, &state)?;
@@ -522,7 +525,7 @@ impl Tracer<'_> {
     }
 
     /// Brings one block through one round; whether its time ran out on the way.
-    fn bring(
+    fn advance_block(
         &self,
         block: usize,
         surface: &BlockSurface,
@@ -551,7 +554,7 @@ impl Tracer<'_> {
     }
 
     /// Brings one block through one round and gives its error sums.
-    fn block(
+    fn trace_block(
         &self,
         block: usize,
         surface: &BlockSurface,
@@ -566,7 +569,7 @@ impl Tracer<'_> {
             if step.is_late() {
                 late.store(true, Ordering::Relaxed);
             } else {
-                if self.bring(block, surface, &mut state, step, history, &mut rays) {
+                if self.advance_block(block, surface, &mut state, step, history, &mut rays) {
                     late.store(true, Ordering::Relaxed);
                 }
                 stop_if_interrupted()?;

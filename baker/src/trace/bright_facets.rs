@@ -27,14 +27,14 @@ const LEAST_SHARE: f64 = 0.5;
 /// Most clusters of facets.
 pub const MOST_CLUSTERS: usize = 256;
 
-/// Layers whose bright facets are one list.
-pub struct BrightLayers {
+/// What the bright facets of one list are chosen by.
+pub struct BrightSelection {
     /// The layers.
     pub layers: Range<usize>,
     /// Tells its random numbers from those of other layers.
     pub key: u32,
     /// Most clusters of its facets.
-    pub clusters: usize,
+    pub most_clusters: usize,
     /// The room whose surfaces count; `None`: all count.
     pub room: Option<Room>,
 }
@@ -124,9 +124,9 @@ impl BrightFacets {
         map: &CacheMap,
         halves: &[CacheHalf; 2],
         sides: &[TriangleSide],
-        bright_layers: &BrightLayers,
+        selection: &BrightSelection,
     ) -> Option<Self> {
-        let (layers, room) = (bright_layers.layers.clone(), bright_layers.room);
+        let (layers, room) = (selection.layers.clone(), selection.room);
         let sent = SentLight { geometry, map, halves, layers, room };
         let inside: Vec<TriangleSide>;
         let sides = match room {
@@ -158,7 +158,7 @@ impl BrightFacets {
         if bright < LEAST_SHARE * second {
             return None;
         }
-        let (clusters, up_to) = cluster(&mut facets, bright_layers.clusters);
+        let (clusters, up_to) = cluster(&mut facets, selection.most_clusters);
         Some(BrightFacets { facets, up_to, clusters })
     }
 }

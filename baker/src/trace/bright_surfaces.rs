@@ -10,7 +10,7 @@
 //! variances; and by how much of it arrives at the receiver, which a [`BrightSurfaceView`] holds for clusters
 //! of facets, shadows included.
 
-use super::bright_facets::{BrightFacet, BrightFacets, BrightLayers, Cluster, TriangleSide, point_of};
+use super::bright_facets::{BrightFacet, BrightFacets, BrightSelection, Cluster, TriangleSide, point_of};
 use super::cache::CacheMap;
 use super::cache_half::CacheHalf;
 use super::counts::RayCounts;
@@ -74,11 +74,11 @@ impl BrightSurfaces {
         map: &CacheMap,
         halves: &[CacheHalf; 2],
         sides: &[TriangleSide],
-        bright_layers: BrightLayers,
+        selection: BrightSelection,
     ) -> Option<Self> {
-        let bright = BrightFacets::find(geometry, map, halves, sides, &bright_layers)?;
-        let (BrightLayers { layers, key, room, .. }, BrightFacets { facets, up_to, clusters }) =
-            (bright_layers, bright);
+        let bright = BrightFacets::find(geometry, map, halves, sides, &selection)?;
+        let (BrightSelection { layers, key, room, .. }, BrightFacets { facets, up_to, clusters }) =
+            (selection, bright);
         Some(BrightSurfaces { layers, key, room, facets, up_to, clusters })
     }
 

@@ -87,8 +87,10 @@ fn with_bright_surfaces(bright: f32, test: impl FnOnce(&Geometry, Option<BrightS
         });
         half
     };
-    let (sides, part) =
-        (sides(&geometry, &map), BrightLayers { layers: 0..2, key: 7, clusters: MOST_CLUSTERS, room: None });
+    let (sides, part) = (
+        sides(&geometry, &map),
+        BrightSelection { layers: 0..2, key: 7, most_clusters: MOST_CLUSTERS, room: None },
+    );
     test(&geometry, BrightSurfaces::new(&geometry, &map, &[half(), half()], &sides, part));
 }
 

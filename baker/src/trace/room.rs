@@ -19,7 +19,7 @@ impl Room {
     }
 
     /// Rooms of windows, by opposite corners of their boxes; boxes of one room are merged.
-    pub fn of_windows(boxes: impl IntoIterator<Item = [Vec3; 2]>) -> Vec<Room> {
+    pub fn merged(boxes: impl IntoIterator<Item = [Vec3; 2]>) -> Vec<Room> {
         let middle = |[low, high]: [Vec3; 2]| 0.5 * (low + high);
         let holds = |[low, high]: [Vec3; 2], p: Vec3| p.cmpge(low).all() && p.cmple(high).all();
         let mut merged: Vec<[Vec3; 2]> = Vec::new();
@@ -64,7 +64,7 @@ mod tests {
             let margin = Room::margin(inner[1]);
             [inner[0] - margin - shift, inner[1] + margin + shift]
         };
-        let rooms = Room::of_windows([found(0.0), found(0.02), found(0.0).map(|corner| corner + 6.0)]);
+        let rooms = Room::merged([found(0.0), found(0.02), found(0.0).map(|corner| corner + 6.0)]);
         assert_eq!(rooms.len(), 2);
         let room = rooms[0];
         // The floor, the ceiling, a wall; then the outsides of walls of 10 and 5 cm, and the field.

@@ -106,7 +106,7 @@ fn bands_of_any_height_give_the_same_images() {
         let texels = layers.texels(&prepared.base()).expect("the layers' texels");
         let (plan, folder) = (&prepared.plan, (&layers, &prepared.digests[..]));
         let assembler =
-            Assembler::in_bands(plan, &prepared.geometry, &atlas, folder, texels, &cell_map, (2, band))
+            Assembler::with_bands(plan, &prepared.geometry, &atlas, folder, texels, &cell_map, (2, band))
                 .unwrap();
         let out = tempfile::tempdir().unwrap();
         assembler.store(&mut Writer::create(out.path()).unwrap(), &baked, || {}).unwrap()

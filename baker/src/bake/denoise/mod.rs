@@ -10,7 +10,7 @@
 //! gutter of the page, and does cross seams. Work goes block by block, and holds of the layers what the block
 //! and its surroundings need.
 
-mod blocks_in_space;
+mod stored_blocks;
 mod kernels;
 mod mix;
 mod neighbours;
@@ -22,7 +22,6 @@ use super::layers::{FilteredLayer, Layers, Part, Texel};
 use super::value::{Filtered, Value};
 use crate::trace::counts::RayCounts;
 use crate::{Result, Rgb};
-pub use blocks_in_space::{BLOCK_BYTES, BLOCKS_AT_ONCE, TEXEL_BYTES};
 use dataset::observe::Observer;
 use dataset::signals::stop_if_interrupted;
 use kernels::{ERROR_RADIUS, FILTERS, Kernel};
@@ -33,6 +32,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::ops::Range;
 use std::time::Instant;
+pub use stored_blocks::{BLOCK_BYTES, BLOCKS_AT_ONCE, TEXEL_BYTES};
 
 /// Names the method: other filters are other files.
 pub const METHOD: &str = "own-1";
@@ -219,7 +219,7 @@ impl Block {
         let estimated = Surroundings::new(texels_in_space, own.clone().collect())?.all(ERROR_RADIUS);
         let estimated = Surroundings::new(texels_in_space, estimated)?;
         let all = estimated.all(REACH);
-        let positions = Positions::of(&all);
+        let positions = SortedIndex::of(&all);
         let loaded_index = estimated.texels.iter().map(|&texel| positions.find(texel)).collect();
         let loaded_neighbours = estimated.neighbours.iter().map(|n| positions.find(n.texel)).collect();
         let all = all.into_iter().map(|texel| texel as usize).collect();
@@ -235,28 +235,28 @@ impl Block {
 }
 
 /// Finds where a number stands in an ascending list. A table in pieces: only those with numbers are made.
-struct Positions {
+struct SortedIndex {
     piece_of: Vec<u32>,
     positions: Vec<u32>,
 }
 
-impl Positions {
+impl SortedIndex {
     /// Numbers that share a piece.
     const PIECE: u32 = 4096;
 
     fn of(list: &[u32]) -> Self {
         let pieces = list.last().map_or(0, |last| last / Self::PIECE + 1);
-        let mut positions = Positions { piece_of: vec![0; pieces as usize], positions: Vec::new() };
+        let mut index = SortedIndex { piece_of: vec![0; pieces as usize], positions: Vec::new() };
         for some in list.chunk_by(|a, b| a / Self::PIECE == b / Self::PIECE) {
-            let piece = positions.positions.len() as u32;
-            positions.piece_of[(some[0] / Self::PIECE) as usize] = piece;
-            positions.positions.resize((piece + Self::PIECE) as usize, u32::MAX);
+            let piece = index.positions.len() as u32;
+            index.piece_of[(some[0] / Self::PIECE) as usize] = piece;
+            index.positions.resize((piece + Self::PIECE) as usize, u32::MAX);
         }
         for (&number, position) in list.iter().zip(0..) {
-            let place = positions.place(number);
-            positions.positions[place] = position;
+            let place = index.place(number);
+            index.positions[place] = position;
         }
-        positions
+        index
     }
 
     fn place(&self, number: u32) -> usize {

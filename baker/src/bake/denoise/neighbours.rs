@@ -1,7 +1,7 @@
 //! Where texels lie in space, and which of them are near enough to a texel, and like enough, to say something
 //! of its light.
 
-use super::blocks_in_space::{BlocksInSpace, BlocksWriter};
+use super::stored_blocks::{StoredBlocks, StoredBlocksWriter};
 use crate::Result;
 use crate::atlas::Atlas;
 use crate::bake::block::{Worker, indices};
@@ -47,7 +47,7 @@ pub struct TexelInSpace {
 
 /// The covered texels of a page in space. Invalid ones have no neighbours, and are neighbours of none.
 pub struct TexelsInSpace {
-    blocks: BlocksInSpace,
+    blocks: StoredBlocks,
 }
 
 /// A box of space: the octave of the texel's size, and the box among those of that octave, along z last.
@@ -101,7 +101,7 @@ impl TexelsInSpace {
                 range.clone().zip(surface.covered()).map(texel_in_space).collect();
             (texels_in_space, counts)
         };
-        let mut writer = BlocksWriter::create(folder)?;
+        let mut writer = StoredBlocksWriter::create(folder)?;
         let mut counts = RayCounts::default();
         for some in blocks.chunks(AT_ONCE * rayon::current_num_threads()) {
             let found: Vec<_> = some.par_iter().map(of_block).collect();
@@ -326,7 +326,7 @@ pub mod tests {
                 free_distances,
             })
         };
-        let mut writer = BlocksWriter::create(&std::env::temp_dir()).unwrap();
+        let mut writer = StoredBlocksWriter::create(&std::env::temp_dir()).unwrap();
         let texels: Vec<_> = (0..n * n).map(texel_in_space).collect();
         texels.chunks(200).for_each(|block| writer.push(block).unwrap());
         TexelsInSpace { blocks: writer.finish().unwrap() }

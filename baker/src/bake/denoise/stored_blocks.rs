@@ -20,7 +20,7 @@ pub const TEXEL_BYTES: u64 = size_of::<TexelInSpace>() as u64;
 pub const BLOCK_BYTES: usize = BLOCK * BLOCK * (size_of::<TexelInSpace>() + size_of::<(Key, u32)>());
 
 /// The covered texels of a page in space, in their order.
-pub struct BlocksInSpace {
+pub struct StoredBlocks {
     folder: PathBuf,
     file: File,
     /// The texels of each block.
@@ -46,7 +46,7 @@ struct Block {
     sorted: Vec<(Key, u32)>,
 }
 
-impl BlocksInSpace {
+impl StoredBlocks {
     /// A texel.
     pub fn texel(&self, texel: u32) -> Result<TexelInSpace> {
         let number = self.blocks.partition_point(|texels| texels.end <= texel);
@@ -118,19 +118,19 @@ impl Loaded {
 }
 
 /// Writes blocks, one after the other.
-pub struct BlocksWriter {
+pub struct StoredBlocksWriter {
     folder: PathBuf,
     file: BufWriter<File>,
     blocks: Vec<Range<u32>>,
     boxes: Vec<(Key, u32)>,
 }
 
-impl BlocksWriter {
+impl StoredBlocksWriter {
     /// Into a nameless file in a folder, which is gone once closed, even by a kill.
     pub fn create(folder: &Path) -> Result<Self> {
         let file = tempfile::tempfile_in(folder).map_err(Error::io(folder))?;
         let (blocks, boxes) = (Vec::new(), Vec::new());
-        Ok(BlocksWriter { folder: folder.to_owned(), file: BufWriter::new(file), blocks, boxes })
+        Ok(StoredBlocksWriter { folder: folder.to_owned(), file: BufWriter::new(file), blocks, boxes })
     }
 
     /// Adds a block.
@@ -147,11 +147,11 @@ impl BlocksWriter {
     }
 
     /// All blocks.
-    pub fn finish(mut self) -> Result<BlocksInSpace> {
+    pub fn finish(mut self) -> Result<StoredBlocks> {
         let file = self.file.into_inner().map_err(|e| Error::io(&self.folder)(e.into_error()))?;
         self.boxes.sort_unstable();
         let loaded = Mutex::default();
-        Ok(BlocksInSpace { folder: self.folder, file, blocks: self.blocks, boxes: self.boxes, loaded })
+        Ok(StoredBlocks { folder: self.folder, file, blocks: self.blocks, boxes: self.boxes, loaded })
     }
 }
 

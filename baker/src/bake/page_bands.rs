@@ -20,11 +20,11 @@ pub const TEXELS_OF_BAND: usize = 1 << 23;
 /// The distance around valid texels that is filled at least: a 4×4 block, which one chart owns.
 pub const LEAST_FILLED: u32 = 4;
 
-/// Texels of a band, row by row.
-pub type Texels<'a> = Cow<'a, [[f32; 3]]>;
+/// Light of a band's texels, row by row.
+pub type BandLight<'a> = Cow<'a, [[f32; 3]]>;
 
 /// Where the covered texels of a page lie, and what is filled and stitched.
-pub struct PageLight<'a> {
+pub struct PageBands<'a> {
     atlas: &'a Atlas,
     /// The covered texels.
     pub texels: Vec<Texel>,
@@ -98,7 +98,7 @@ impl LightSum {
     }
 }
 
-impl<'a> PageLight<'a> {
+impl<'a> PageBands<'a> {
     /// Light is filled in up to `padding` texels around valid ones; bands have about `texels_of_band` texels.
     pub fn new(
         geometry: &Geometry,
@@ -132,7 +132,7 @@ impl<'a> PageLight<'a> {
             }
         };
         let bands = (0..height).step_by(rows_of_band).map(band).collect();
-        PageLight { atlas, texels, mask, seams, bands, rows_of_band }
+        PageBands { atlas, texels, mask, seams, bands, rows_of_band }
     }
 
     /// Whether a covered texel is valid.
@@ -178,7 +178,7 @@ impl<'a> PageLight<'a> {
     }
 
     /// A band of it.
-    pub fn band<'p>(&self, part: &'p PartLight, band: usize) -> Result<Texels<'p>> {
+    pub fn band<'p>(&self, part: &'p PartLight, band: usize) -> Result<BandLight<'p>> {
         if let Some(whole) = &part.whole {
             return Ok(Cow::Borrowed(whole));
         }
@@ -188,11 +188,11 @@ impl<'a> PageLight<'a> {
     }
 
     /// A band of a sum.
-    pub fn band_of_sum<'s>(&self, sum: &'s LightSum, band: usize) -> Result<Texels<'s>> {
+    pub fn band_of_sum<'s>(&self, sum: &'s LightSum, band: usize) -> Result<BandLight<'s>> {
         if let Some(whole) = &sum.whole {
             return Ok(Cow::Borrowed(whole));
         }
-        let mut texels: Option<Texels> = None;
+        let mut texels: Option<BandLight> = None;
         for term in &sum.terms {
             let of_term = match term {
                 Term::Part(part) => self.band(part, band)?,
