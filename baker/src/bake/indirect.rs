@@ -254,7 +254,8 @@ impl Worker<'_> {
         counts: &mut RayCounts,
     ) {
         let Some(CacheReader { cache, half, visible, pending }) = reader else {
-            return self.transport.indirect(at, sample, |_, _, _| false, out, Some(hit_light), counts);
+            self.transport.indirect(at, sample, |_, _, _| false, out, Some(hit_light), counts);
+            return;
         };
         let (transport, map) = (&self.transport, &cache.map);
         let layers = out.len();

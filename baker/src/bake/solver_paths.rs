@@ -6,7 +6,7 @@ use super::state::BlockState;
 use crate::surface::SurfacePoint;
 use crate::trace::cache::{CacheMap, Patch};
 use crate::trace::counts::RayCounts;
-use crate::trace::path::{Arrival, point_pair};
+use crate::trace::path::{Arrival, PathStart, point_pair};
 use crate::trace::sampler::{Sample, Sequence, SequenceKind};
 use crate::trace::space::Receiver;
 use crate::{Result, Rgb};
@@ -67,6 +67,8 @@ pub fn trace(
 
 /// Paths from a patch for each sample of its direct light.
 const PATHS_A_DIRECT: usize = 4;
+/// Points of an entry that are tried where some lie in solids.
+const TRIED_POINTS: usize = 16;
 
 /// What the paths from one entry found.
 struct TracedEntry {
@@ -118,7 +120,8 @@ fn trace_block(
                     sample,
                 ))
             };
-            follow(worker, map, group[0].0, source, paths, start)
+            let is_buried = |_: &Receiver, _: &mut RayCounts| false;
+            follow(worker, map, (group[0].0, paths), source, start, is_buried).0
         })
         .collect()
 }
@@ -131,58 +134,64 @@ fn trace_patches(
     paths: usize,
     half: usize,
 ) -> Vec<TracedEntry> {
-    let direct = (paths / PATHS_A_DIRECT).max(1);
-    let lights = worker.transport.lights;
+    let (transport, lights) = (&worker.transport, worker.transport.lights);
     let one = |patch: &Patch| {
         let sequence =
             Sequence::new(worker.seed, SequenceKind::Patch, patch.entry, Stream::Solver as u32 + half as u32);
-        let at = |sample: Sample| {
-            let barycentric = patch.sample(point_pair(sample));
-            let point = SurfacePoint { triangle: patch.triangle, barycentric };
-            worker.transport.space.receiver_on(&point, patch.is_back)
-        };
-        let mut counts = RayCounts::default();
-        let mut source = vec![Rgb::ZERO; lights.layers()];
-        for i in 0..direct {
-            let sample = sequence.sample((paths + i) as u32);
-            let Some(at) = at(sample) else { continue };
-            let weight = Rgb::splat(1.0 / direct as f32);
-            worker.transport.add_direct(&at, weight, sample, 0, &mut source, &mut counts);
-        }
         let start = |i: usize, _: &mut RayCounts| {
             let sample = sequence.sample(i as u32);
-            Some((at(sample)?, sample))
+            let barycentric = patch.sample(point_pair(sample));
+            let point = SurfacePoint { triangle: patch.triangle, barycentric };
+            Some((transport.space.receiver_on(&point, patch.is_back)?, sample))
         };
-        let mut traced = follow(worker, map, patch.entry, source, paths, start);
-        traced.counts += counts;
+        // No path from elsewhere arrives at what lies inside a solid, as a floor under a wall does: it must
+        // not darken what is seen.
+        let is_buried = |at: &Receiver, counts: &mut RayCounts| transport.space.is_inside(at, counts);
+        let black = vec![Rgb::ZERO; lights.layers()];
+        let (mut traced, starts) = follow(worker, map, (patch.entry, paths), black, start, is_buried);
+        let direct = starts.len().div_ceil(PATHS_A_DIRECT);
+        for (at, sample) in &starts[..direct] {
+            let weight = Rgb::splat(1.0 / direct as f32);
+            transport.add_direct(at, weight, *sample, 0, &mut traced.source, &mut traced.counts);
+        }
         traced
     };
     patches.par_iter().with_min_len(32).map(one).collect()
 }
 
-/// The paths of one entry, from where `start` puts each; `source` is its direct light.
+/// The paths of one entry, from where `start` puts each, and those starts; `source` is its direct light. A
+/// path that meets a back at once does not count where its start `is_buried`.
 fn follow(
     worker: &Worker,
     map: &CacheMap,
-    entry: u32,
+    (entry, paths): (u32, usize),
     mut source: Vec<Rgb>,
-    paths: usize,
     start: impl Fn(usize, &mut RayCounts) -> Option<(Receiver, Sample)>,
-) -> TracedEntry {
+    is_buried: impl Fn(&Receiver, &mut RayCounts) -> bool,
+) -> (TracedEntry, Vec<(Receiver, Sample)>) {
     let mut counts = RayCounts::default();
-    let (mut path_ends, mut followed) = (Vec::new(), 0);
+    let (mut path_ends, mut starts) = (Vec::new(), Vec::with_capacity(paths));
     let mut found = vec![Rgb::ZERO; source.len()];
-    for i in 0..paths {
+    let mut buried = 0;
+    for i in 0.. {
+        // Of a surface that is mostly buried, a few more points are tried.
+        if i - buried == paths || i >= paths.max(TRIED_POINTS) {
+            break;
+        }
         let Some((at, sample)) = start(i, &mut counts) else { continue };
-        followed += 1;
         let on_arrival = |at: &Arrival, _: &mut [Rgb], counts: &mut RayCounts| {
             let entry = map.entry(&worker.transport.space, &at.hit, at.is_back, counts);
             path_ends.extend(entry.map(|entry| PathEnd { entry, weight: at.weight.to_array() }));
             entry.is_some()
         };
-        worker.transport.indirect(&at, sample, on_arrival, &mut found, None, &mut counts);
+        let begun = worker.transport.indirect(&at, sample, on_arrival, &mut found, None, &mut counts);
+        if begun == PathStart::MetBack && is_buried(&at, &mut counts) {
+            buried += 1;
+        } else {
+            starts.push((at, sample));
+        }
     }
-    let inverse_path_count = if followed > 0 { 1.0 / followed as f32 } else { 0.0 };
+    let inverse_path_count = if starts.is_empty() { 0.0 } else { 1.0 / starts.len() as f32 };
     source.iter_mut().zip(&found).for_each(|(s, m)| *s += *m * inverse_path_count);
-    TracedEntry { entry, source, path_ends, inverse_path_count, counts }
+    (TracedEntry { entry, source, path_ends, inverse_path_count, counts }, starts)
 }

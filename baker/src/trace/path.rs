@@ -55,6 +55,15 @@ pub struct Arrival {
     pub is_first: bool,
 }
 
+/// How a path began.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PathStart {
+    /// It ended at once on an absorbing back, as all paths in a solid do.
+    MetBack,
+    /// Otherwise.
+    Free,
+}
+
 /// Dimensions of a sample, by vertex of its path: pairs and single numbers are counted apart.
 mod dimension {
     /// The point within the texel.
@@ -261,7 +270,7 @@ impl<'a> Transport<'a> {
         out: &mut [Rgb],
         mut hit_light: Option<&mut [Rgb]>,
         counts: &mut RayCounts,
-    ) {
+    ) -> PathStart {
         let lights = self.lights;
         let mut at = *start;
         // Irradiance at the start, per unit of it at the vertex.
@@ -276,7 +285,7 @@ impl<'a> Transport<'a> {
             // Onwards, distributed as the cosine: E = ∫ L cos θ dω is estimated by π L.
             let direction = cosine_direction(at.normal, sample.pair(dimension::next_direction(vertex)));
             if direction.dot(at.face_normal) <= 0.0 {
-                return;
+                return PathStart::Free;
             }
             counts.path += 1;
             let pdf = direction.dot(at.normal).max(0.0) / PI;
@@ -293,7 +302,7 @@ impl<'a> Transport<'a> {
                         .map(|sampler| sampler.pdf(at.origin, at.normal, direction));
                     let share = sky_density.map_or(1.0, |density| balance_heuristic(pdf, density));
                     lights.add_from_outside(direction, beta * share, out, hit_light.as_deref_mut());
-                    return;
+                    return PathStart::Free;
                 };
                 let triangle = hit.triangle as usize;
                 let material = self.space.material(hit.triangle);
@@ -302,7 +311,7 @@ impl<'a> Transport<'a> {
                 let is_glass = self.space.geometry.is_glass(triangle);
                 let absorbs = is_back && !material.two_sided;
                 if absorbs && !is_glass {
-                    return;
+                    return if vertex == 0 { PathStart::MetBack } else { PathStart::Free };
                 }
                 if let Some(emission) = material.emission
                     && let Some(&Some(g)) = lights.index_of_group.get(emission.group as usize)
@@ -328,42 +337,43 @@ impl<'a> Transport<'a> {
                 match pass_or_reflect(self.space.geometry, &hit, absorbs, choice, &mut weight) {
                     GlassEvent::Passes => passed.add(&hit),
                     GlassEvent::Reflects => break (hit, is_back),
-                    GlassEvent::Ends => return,
+                    GlassEvent::Ends => return PathStart::Free,
                 }
                 panes += 1;
                 counts.path += 1;
             };
             let triangle = hit.triangle as usize;
             if self.bounces.is_some_and(|most| vertex + 1 > most) {
-                return;
+                return PathStart::Free;
             }
             // Reflected radiance is albedo ÷ π times the irradiance there.
             weight *= self.space.geometry.albedo_at(triangle, hit.barycentric);
             let arrival = Arrival { hit, is_back, weight, pdf, direction, is_first: vertex == 0 };
             if on_arrival(&arrival, out, counts) {
                 counts.cached += 1;
-                return;
+                return PathStart::Free;
             }
             if vertex + 1 >= ROULETTE_FROM {
                 let survival = weight.max_element().min(MAX_SURVIVAL);
                 if sample.number(dimension::roulette(vertex)) >= survival {
-                    return;
+                    return PathStart::Free;
                 }
                 weight /= survival;
                 if weight.max_element() > ENDLESS_WEIGHT {
                     // (Where it is dark no light grows.)
                     counts.endless += u64::from(self.is_lit_about(&at));
-                    return;
+                    return PathStart::Free;
                 }
             }
             if weight.max_element() <= 0.0 {
-                return;
+                return PathStart::Free;
             }
             let point = SurfacePoint { triangle: hit.triangle, barycentric: hit.barycentric };
-            let Some(next) = self.space.receiver_on(&point, is_back) else { return };
+            let Some(next) = self.space.receiver_on(&point, is_back) else { return PathStart::Free };
             at = next;
             self.add_direct(&at, weight, sample, vertex + 1, out, counts);
         }
+        PathStart::Free
     }
 
     /// A direction in which the sky sampler found open sky, and the irradiance per unit of radiance from

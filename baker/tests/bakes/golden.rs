@@ -6,7 +6,7 @@ mod shining;
 
 use crate::scenes::{
     Case, coarse_corner, corner, furnace, glazed_room, house, instances, low_walls, outdoors, room,
-    sunlit_floor, sunlit_room, wires,
+    slabs_on_a_floor, sunlit_floor, sunlit_room, wires,
 };
 use crate::statistics::{Bakes, bakes};
 use baker::bake::run::{Integrator, Options, prepare};
@@ -168,6 +168,14 @@ fn a_lamp_in_a_corner_of_coarse_walls() {
     // measure, the walls' would be read where they tell least (8 and 14 %).
     golden_within(&coarse_corner("lightmap = false", 24), "walls without texels", 0.04);
     golden_within(&coarse_corner("density = 0.25", 32), "walls of large texels", 0.07);
+}
+
+#[test]
+fn what_lies_under_a_slab_does_not_darken_a_floor_without_texels() {
+    let case = slabs_on_a_floor();
+    let (reference, cached) = (path(&case, 1, REFERENCE), bakes(&case, 301, 4 * REFERENCE, |_| {}));
+    assert!([&reference, &cached].iter().all(|bakes| bakes.relative_error_of_mean() < 0.01));
+    cached.expect_mean_of(&reference, "slabs");
 }
 
 #[test]

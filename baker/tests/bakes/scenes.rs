@@ -104,6 +104,43 @@ pub fn room() -> Case {
     Case { stage: Stage::new(&files), text: text.to_owned(), hours: "12" }
 }
 
+/// Two rooms apart, alike but for their lamps: one has a thousandth of the other's light. A plate under each
+/// lamp leaves the walls and the floor what the ceiling reflects.
+pub fn bright_and_dim() -> Case {
+    let [floor, walls] = shell();
+    let plate = Obj::default().mesh("plate").block([-0.1, 1.6, -0.8], [0.8, 0.02, 0.8]);
+    let files = [("floor.obj", floor), ("walls.obj", walls), ("plate.obj", plate)];
+    let mut text = "[lightmap]\nsize = 56\n".to_owned();
+    for (x, radiance) in [(0.0, [4e4; 3]), (50.0, [40.0; 3])] {
+        let at = format!("centre = [{}, 1.75, -0.4]\nradius = 0.1\nradiance = {radiance:?}\n", x + 0.3);
+        writeln!(text, "[[group]]\nname = \"{x}\"\n[[group.sphere]]\n{at}").expect("written");
+        for (file, _) in &files {
+            let object = format!("file = \"{file}\"\nalbedo = [0.7, 0.6, 0.5]\ntranslate = [{x:?}, 0, 0]\n");
+            writeln!(text, "[[object]]\n{object}").expect("written");
+        }
+    }
+    let files = files.map(|(name, obj)| (name, obj.bytes()));
+    Case { stage: Stage::new(&files), text, hours: "12" }
+}
+
+/// A lamp in a room, whose light hardly gets into the gap of 2 cm between a plate and a wall; all of it
+/// `scale` times as large.
+pub fn plate_before_a_wall(scale: f64) -> Case {
+    let [floor, walls] = shell();
+    let plate = Obj::default().mesh("plate").block([-0.98, -0.01, -0.9], [0.02, 1.91, 1.8]);
+    let files = [("floor.obj", floor), ("walls.obj", walls), ("plate.obj", plate)];
+    let object = |file: &str| format!("[[object]]\nfile = \"{file}\"\nalbedo = 0.2\nscale = {scale:?}\n");
+    let objects: String = files.iter().map(|(file, _)| object(file)).collect();
+    let centre = [0.3, 1.5, -0.4].map(|x| x * scale);
+    let text = format!(
+        "{objects}[[group]]\nname = \"lamp\"\n[[group.sphere]]\ncentre = {centre:?}\nradius = {:?}\n\
+         radiance = [40, 30, 20]\n[lightmap]\nsize = 96\n",
+        0.1 * scale
+    );
+    let files = files.map(|(name, obj)| (name, obj.bytes()));
+    Case { stage: Stage::new(&files), text, hours: "12" }
+}
+
 /// The room, and the sun through its window: a bright patch on the floor.
 pub fn sunlit_room() -> Case {
     let sun = "[sun]\ndisc_angle = 1\n\
@@ -140,6 +177,25 @@ pub fn sunlit_floor() -> Case {
         [[object]]\nfile = \"floor.obj\"\nalbedo = 0.7\nlightmap = false\n\
         [lightmap]\nsize = 40\n";
     let files = [("floor.obj", floor.bytes()), ("walls.obj", walls.bytes())];
+    Case { stage: Stage::new(&files), text: text.to_owned(), hours: "12" }
+}
+
+/// A ceiling over a floor without texels, half of which lies under slabs: what they lie on is dark, and
+/// seen by nobody.
+pub fn slabs_on_a_floor() -> Case {
+    let ceiling = Obj::default().mesh("ceiling").quad([-1.0, 1.0, -1.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0]);
+    let mut floor = Obj::default().mesh("floor").floor([-2.0, 0.0, -2.0], 4.0, 4.0).mesh("slabs");
+    for (i, j) in (0..20).flat_map(|i| (0..20).map(move |j| (f64::from(i), f64::from(j)))) {
+        let (x, z) = (0.2 * i - 1.98, 0.2 * j - 1.98);
+        floor = floor.block([x, 0.0, z], [0.14, 0.001, 0.14]);
+    }
+    let text = "[sun]\ndisc_angle = 20\n\
+        track = [{ hour = 12, direction = [1.0, 0.8, 0.2], irradiance = [90, 80, 70] }]\n\
+        [[object]]\nfile = \"ceiling.obj\"\nalbedo = 0\n\
+        [[object]]\nfile = \"floor.obj\"\nalbedo = 0.8\nlightmap = false\n\
+        [[object.part]]\nname = \"slabs\"\nalbedo = 0\n\
+        [lightmap]\nsize = 20\n";
+    let files = [("ceiling.obj", ceiling.bytes()), ("floor.obj", floor.bytes())];
     Case { stage: Stage::new(&files), text: text.to_owned(), hours: "12" }
 }
 
