@@ -125,16 +125,17 @@ pub fn shared(samples: u32, log2_share: i8) -> u32 {
     many.clamp(1, u64::from(samples.max(MOST_SAMPLES))) as u32
 }
 
-/// The frames with light that differ, each with its mean over the page: of equal ones (as by night), one.
-pub fn distinct<'a>(frames: &'a [Parts], means: &[f64]) -> Vec<(&'a Parts, f64)> {
-    let is_new = |frame: &usize| means[*frame] > 0.0 && !frames[..*frame].contains(&frames[*frame]);
-    (0..frames.len()).filter(is_new).map(|frame| (&frames[frame], means[frame])).collect()
+/// The frames that differ: of equal ones (as by night), the first.
+pub fn distinct(frames: &[Parts]) -> Vec<usize> {
+    (0..frames.len()).filter(|&frame| !frames[..frame].contains(&frames[frame])).collect()
 }
 
 /// The classes of the covered texels of a block after its first round. Deviations are those of the frames'
-/// light, each in units of its mean, summed in squares over the frames.
+/// light, each in units of what `unit` gives for it by its place in `frames` and for a covered texel, summed
+/// in squares over the frames.
 pub fn classes(
-    frames: &[(&Parts, f64)],
+    frames: &[&Parts],
+    unit: impl Fn(usize, usize) -> f64,
     lights: &Lights,
     surface: &BlockSurface,
     state: &BlockState,
@@ -151,11 +152,11 @@ pub fn classes(
         let [a, b] = [0, 1].map(|half| &state.sums[(2 * texel + half) * layers..][..layers]);
         let [a_scale, b_scale] = taken.map(|n| 1.0 / n as f32);
         difference.iter_mut().zip(a.iter().zip(b)).for_each(|(d, (a, b))| *d = *a * a_scale - *b * b_scale);
-        let square = |(parts, mean): &(&Parts, f64)| {
+        let square = |(frame, parts): (usize, &&Parts)| {
             let of_frame = parts.iter().map(|&(layer, scale)| difference[layer] * scale).sum::<Rgb>();
-            (of_frame.as_dvec3() / *mean).length_squared()
+            (of_frame.as_dvec3() / unit(frame, texel)).length_squared()
         };
-        squares[in_block] = Some(frames.iter().map(square).sum());
+        squares[in_block] = Some(frames.iter().enumerate().map(square).sum());
     }
     // (What is no usable surface does not count in any frame.)
     let class = |in_block: usize| {
@@ -269,11 +270,9 @@ mod tests {
     }
 
     #[test]
-    fn equal_sets_count_once_and_dark_ones_not() {
+    fn equal_frames_count_once() {
         let frames: Vec<Parts> = [0, 1, 0, 2].map(|layer| vec![(layer, Rgb::ONE)]).into();
-        let distinct: Vec<usize> =
-            distinct(&frames, &[1.0, 0.0, 1.0, 3.0]).iter().map(|(frame, _)| frame[0].0).collect();
-        assert_eq!(distinct, [0, 2]);
+        assert_eq!(distinct(&frames), [0, 1, 3]);
     }
 
     #[test]

@@ -4,6 +4,7 @@
 use super::cache_system;
 use super::denoise;
 use super::disk_space::{DiskSpace, IMAGE};
+use super::errors::Sums;
 use super::facts::density;
 use super::layout_estimate::{LayoutEstimate, cache_entries};
 use super::options::Integrator;
@@ -12,6 +13,7 @@ use super::post::Dilation;
 use super::prepare::Prepared;
 use super::rounds;
 use super::solve;
+use super::state::CELLS;
 use super::value::Filtered;
 use super::views::{View, lit_tiles, views};
 use crate::Rgb;
@@ -132,6 +134,10 @@ pub fn forecast(prepared: &Prepared, layout: &LayoutEstimate) -> Result<Forecast
     };
     let paths = cache_system::paths_per_entry(entries, rounds::guaranteed_samples(&prepared.limits));
     let cache = solve::bytes(entries, plan.layers(), paths);
+    // Beside it while paths are traced: of each frame error, light and floor of each cell.
+    let of_cell = (size_of::<Sums>() + 2 * size_of::<f32>()) as u64;
+    let finer = u64::from(layout.texel_scale).pow(2);
+    let cells = of_cell * plan.times.len() as u64 * (blocks.len() * CELLS) as u64 * finer;
     let stored_cache = 2 * (entries * CacheHalf::bytes_per_entry(plan.layers())) as u64;
     // Towards a target layers are denoised between rounds, too: beside the cache.
     let is_judged = prepared.denoise.is_some() && prepared.limits.target_error.is_some();
@@ -153,7 +159,7 @@ pub fn forecast(prepared: &Prepared, layout: &LayoutEstimate) -> Result<Forecast
         layers_bytes: disk.traced + disk.filtered,
         work_bytes: disk.work,
         peak_bytes: disk.peak(),
-        memory_bytes: memory(triangles, assembling.max(cache).max(beside + denoising).max(seeing)),
+        memory_bytes: memory(triangles, assembling.max(cache + cells).max(beside + denoising).max(seeing)),
         views: views(&prepared.scene.cameras, &prepared.geometry, atlas, tile, &ray_tracer),
         lit_tiles: lit_tiles(atlas, tile),
         escaping_rays: has_sky.then(|| escaping_rays(prepared, atlas, &ray_tracer, &bins, &blocks)),

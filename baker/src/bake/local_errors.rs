@@ -37,6 +37,8 @@ pub const COUNTED_ERRORS: [f64; 3] = [0.05, 0.1, 0.2];
 pub const PICTURE_STEP: f64 = 0.002;
 /// Rays from a cell that find which cells are seen from it.
 const RAYS_PER_CELL: usize = 16;
+/// In metres, the nearest at which eyes see clearly: so much room an eye needs.
+const NEAR_POINT: f32 = 0.25;
 /// No cell.
 const NO_CELL: u32 = u32::MAX;
 
@@ -46,6 +48,55 @@ pub struct CellMap {
     owners: Owners,
     /// Per cell.
     seen: Vec<[u32; RAYS_PER_CELL]>,
+}
+
+/// The cells that the rays from a cell meet.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Seen {
+    /// From where an eye has room.
+    far: [u32; RAYS_PER_CELL],
+    /// The others.
+    near: [u32; RAYS_PER_CELL],
+}
+
+impl Default for Seen {
+    fn default() -> Self {
+        Seen { far: [NO_CELL; RAYS_PER_CELL], near: [NO_CELL; RAYS_PER_CELL] }
+    }
+}
+
+impl Seen {
+    /// Adds the cell that a ray meets, and how far off.
+    fn add(&mut self, ray: usize, (cell, distance): (u32, f32)) {
+        let cells = if distance < NEAR_POINT { &mut self.near } else { &mut self.far };
+        cells[ray] = cell;
+    }
+
+    /// Whether no eye has room before the cell.
+    fn is_cramped(&self) -> bool {
+        self.far == [NO_CELL; RAYS_PER_CELL] && self.near != [NO_CELL; RAYS_PER_CELL]
+    }
+}
+
+/// The cells that an eye sees beside each cell. Who looks at one before which no eye has room, as behind a
+/// bookcase, sees what is seen from where the way out of there ends. Where there is no room at all, as in a
+/// scene of a few centimetres, the eye is small too.
+fn with_room(seen: &[Seen]) -> Vec<[u32; RAYS_PER_CELL]> {
+    let mut found: Vec<Option<[u32; RAYS_PER_CELL]>> =
+        seen.iter().map(|seen| (!seen.is_cramped()).then_some(seen.far)).collect();
+    let mut cramped: Vec<usize> = (0..seen.len()).filter(|&cell| found[cell].is_none()).collect();
+    loop {
+        let way_out = |&cell: &usize| {
+            seen[cell].near.iter().find_map(|&near| *found.get(near as usize)?).map(|far| (cell, far))
+        };
+        let out: Vec<_> = cramped.iter().filter_map(way_out).collect();
+        if out.is_empty() {
+            break;
+        }
+        out.into_iter().for_each(|(cell, far)| found[cell] = Some(far));
+        cramped.retain(|&cell| found[cell].is_none());
+    }
+    found.iter().zip(seen).map(|(found, seen)| found.unwrap_or(seen.near)).collect()
 }
 
 /// The cells of a page, row by row; blocks at its edges are whole.
@@ -149,6 +200,11 @@ impl Pieces {
         Pieces::new(texels.map(xy).map(|(x, y)| (cell_map.grid.at(x, y), cell_map.chart_of(x, y))))
     }
 
+    /// The piece of a texel.
+    pub fn of(&self, texel: usize) -> usize {
+        self.of[texel] as usize
+    }
+
     /// Adds the light of all texels to the sums of their cells.
     pub fn add(&self, light: &[Value], cells: &mut [Sums]) {
         let mut pieces = self.sums();
@@ -229,12 +285,12 @@ impl CellMap {
             let surface = worker.surface(block);
             let mut texels = vec![Vec::new(); CELLS];
             surface.covered().for_each(|t| texels[cell_of(&surface, t)].push(t));
-            let (mut seen, mut rays) = ([[NO_CELL; RAYS_PER_CELL]; CELLS], RayCounts::default());
+            let (mut seen, mut rays) = ([Seen::default(); CELLS], RayCounts::default());
             for (cell, texels) in texels.iter().enumerate().filter(|(_, texels)| !texels.is_empty()) {
-                for (seen_cell, seen) in seen[cell].iter_mut().enumerate() {
-                    let texel = texels[seen_cell * texels.len() / RAYS_PER_CELL];
-                    *seen =
-                        cell_map.seen_cell(worker, &face_of, &surface, texel, &mut rays).unwrap_or(NO_CELL);
+                for ray in 0..RAYS_PER_CELL {
+                    let texel = texels[ray * texels.len() / RAYS_PER_CELL];
+                    let met = cell_map.seen_cell(worker, &face_of, &surface, texel, &mut rays);
+                    met.into_iter().for_each(|met| seen[cell].add(ray, met));
                 }
             }
             progress.advance(1);
@@ -242,12 +298,14 @@ impl CellMap {
         };
         let found = blocks.par_iter().map(of_block).collect::<crate::Result<Vec<_>>>()?;
         let mut rays = RayCounts::default();
-        for (x0, y0, seen, of_block) in found {
-            seen.iter()
-                .enumerate()
-                .for_each(|(c, seen)| cell_map.seen[cell_map.grid.of_block(x0, y0, c)] = *seen);
-            rays += of_block;
+        let mut seen = vec![Seen::default(); cell_map.grid.cells()];
+        for (x0, y0, of_block, counts) in found {
+            for (cell, of_cell) in of_block.into_iter().enumerate() {
+                seen[cell_map.grid.of_block(x0, y0, cell)] = of_cell;
+            }
+            rays += counts;
         }
+        cell_map.seen = with_room(&seen);
         Ok((cell_map, rays))
     }
 
@@ -268,7 +326,7 @@ impl CellMap {
         cell_map
     }
 
-    /// The cell that a ray from a texel meets.
+    /// The cell that a ray from a texel meets, and how far off.
     fn seen_cell(
         &self,
         worker: &Worker,
@@ -276,7 +334,7 @@ impl CellMap {
         surface: &BlockSurface,
         texel: usize,
         rays: &mut RayCounts,
-    ) -> Option<u32> {
+    ) -> Option<(u32, f32)> {
         // (Whatever the seed of the bake: what is judged does not hang on it.)
         let index = surface.page_index(worker.atlas, texel) as u32;
         let sample = Sequence::new(0, SequenceKind::Texel, index, Stream::VisibleCells as u32).sample(0);
@@ -288,7 +346,8 @@ impl CellMap {
         let [a, b, c] = face.corners;
         let at = a * hit.barycentric.x + b * hit.barycentric.y + c * hit.barycentric.z;
         let clamped = |v: f32, size: u32| (v.max(0.0) as usize).min(size as usize - 1);
-        Some(self.grid.at(clamped(at.x, worker.atlas.width), clamped(at.y, worker.atlas.height)) as u32)
+        let cell = self.grid.at(clamped(at.x, worker.atlas.width), clamped(at.y, worker.atlas.height));
+        Some((cell as u32, hit.t))
     }
 
     /// The grid of the cells.
@@ -442,6 +501,32 @@ mod tests {
             Some(LocalErrorSummary { median: 0.01, p95: 0.07, worst: 0.5, over: [0.1, 0.04, 0.04] })
         );
         assert_eq!(LocalErrorSummary::of([(1.0, 0)].into_iter()), None);
+    }
+
+    #[test]
+    fn who_looks_into_a_gap_is_adapted_to_the_room() {
+        let met = |far: &[u32], near: &[u32]| {
+            let mut seen = Seen::default();
+            far.iter().enumerate().for_each(|(ray, &cell)| seen.add(ray, (cell, 2.0)));
+            near.iter().enumerate().for_each(|(ray, &cell)| seen.add(far.len() + ray, (cell, 0.1)));
+            seen
+        };
+        // A cell in a room, one at the mouth of a gap, two in there; one that sees nothing; two that see
+        // but each other.
+        let cells = [
+            met(&[9], &[]),
+            met(&[8], &[2]),
+            met(&[], &[3, 1]),
+            met(&[], &[2]),
+            met(&[], &[]),
+            met(&[], &[6]),
+            met(&[], &[5]),
+        ];
+        let first = with_room(&cells).into_iter().map(|seen| seen.into_iter().find(|&cell| cell != NO_CELL));
+        assert_eq!(
+            first.collect::<Vec<_>>(),
+            [9, 8, 8, 8, NO_CELL, 6, 5].map(|cell| (cell != NO_CELL).then_some(cell))
+        );
     }
 
     #[test]

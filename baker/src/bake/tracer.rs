@@ -11,6 +11,7 @@ use super::endless_light;
 use super::errors::{Parts, cell_of};
 use super::indirect::Cache;
 use super::local_errors::{CellMap, of_block};
+use super::local_light::{CachedFrames, Floors};
 use super::round_summary::{BlockResult, summarise};
 use super::rounds::{Limits, Round, Traced, note, schedule, stops};
 use super::solve::{self, Covered};
@@ -51,7 +52,11 @@ pub struct BlockHistory<'t> {
     guaranteed_samples: Option<u32>,
     /// Whether more samples than those may come.
     has_target: bool,
+    /// Whether blocks were brought beyond the first round before this run.
+    is_beyond_first: bool,
     cache: Option<Cache<'t>>,
+    /// By the cache, the light below which nothing is judged.
+    floors: Option<Floors>,
     /// The rounds that every block was brought through.
     steps: Vec<Step>,
     /// Blocks that were traced again.
@@ -153,12 +158,13 @@ impl Tracer<'_> {
             direct_means: before_rounds.direct_means,
             guaranteed_samples: None,
             has_target,
+            is_beyond_first: before_rounds.furthest > 1 || traced.resumed > 1,
             cache: None,
+            floors: None,
             steps: Vec::new(),
             retraced: AtomicUsize::new(0),
         };
         let is_begun = before_rounds.furthest > 0 || traced.resumed > 0;
-        let is_beyond_first = before_rounds.furthest > 1 || traced.resumed > 1;
         let mut is_solved = false;
         if self.is_cached() {
             // What the cache is solved from is what its light rests on: as much as is known to be drawn
@@ -170,12 +176,13 @@ impl Tracer<'_> {
                 return Ok(None);
             };
             (history.cache, is_solved) = (solved.cache, solved.is_kept);
+            history.floors = self.cached_frames(&history).map(|cached| cached.floors()).transpose()?;
         }
         if traced.resumed > 0 {
             console.say(format!("continuing after {} of an earlier run", count(traced.resumed, "round")));
         }
         let Some(steps) =
-            self.finished_steps(&traced.rounds[..whole], &schedule, limits, &blocks, console)?
+            self.finished_steps(&traced.rounds[..whole], &schedule, limits, &blocks, &history, console)?
         else {
             return Ok(None);
         };
@@ -209,8 +216,7 @@ impl Tracer<'_> {
                     progress.note(&note(last, limits));
                 }
             }
-            let Some(step) =
-                self.plan_step(target, limits, &traced.rounds, &blocks, is_beyond_first, console)?
+            let Some(step) = self.plan_step(target, limits, &traced.rounds, &blocks, &history, console)?
             else {
                 return Ok(None);
             };
@@ -278,14 +284,14 @@ impl Tracer<'_> {
     }
 
     /// The round that comes after `rounds`, which goes for `target` samples; `None` where what decides it is
-    /// lost. `is_beyond_first`: blocks were brought beyond the first round before this run.
+    /// lost.
     fn plan_step(
         &self,
         target: u32,
         limits: &Limits,
         rounds: &[Round],
         blocks: &[usize],
-        is_beyond_first: bool,
+        history: &BlockHistory,
         console: &dyn Observer,
     ) -> Result<Option<Step>> {
         let (finished, first) = (rounds.len() as u32, rounds.first());
@@ -295,8 +301,8 @@ impl Tracer<'_> {
             Some(first) if !is_aimed => match self.folder.read(PIVOT)? {
                 Some(kept) => Pivot::OfPage(kept),
                 // Decided by the first round's samples: later there are others.
-                None if is_beyond_first => return Ok(None),
-                None => Pivot::OfPage(self.pivot(blocks, &first.frame_means, console)?),
+                None if history.is_beyond_first => return Ok(None),
+                None => Pivot::OfPage(self.pivot(blocks, &first.frame_means, history, console)?),
             },
             _ => Pivot::OfCell,
         };
@@ -458,11 +464,12 @@ impl Tracer<'_> {
         schedule: &[u32],
         limits: &Limits,
         blocks: &[usize],
+        history: &BlockHistory,
         console: &dyn Observer,
     ) -> Result<Option<Vec<Step>>> {
         let mut steps = Vec::new();
         for (round, &target) in schedule.iter().enumerate().take(rounds.len()) {
-            match self.plan_step(target, limits, &rounds[..round], blocks, rounds.len() > 1, console)? {
+            match self.plan_step(target, limits, &rounds[..round], blocks, history, console)? {
                 // (What is traced again has all the time it takes.)
                 Some(step) => steps.push(Step { deadline: None, ..step }),
                 None => return Ok(None),
@@ -535,7 +542,7 @@ impl Tracer<'_> {
         rays: &mut RayCounts,
     ) -> bool {
         if let (Some(means), true) = (&step.first_means, state.log2_shares.is_empty()) {
-            let classes = self.classes(surface, state, means);
+            let classes = self.classes(surface, state, means, history);
             state.log2_shares = log2_shares(&classes, surface, step.pivot);
         }
         let active = step.active(surface);
@@ -586,20 +593,48 @@ impl Tracer<'_> {
         Ok(BlockResult { x0: surface.x0, y0: surface.y0, usable, cells, texels, samples, rays })
     }
 
-    /// How much samples differ, by the first round; `means` are its.
-    fn classes(&self, surface: &BlockSurface, state: &BlockState, means: &[f64]) -> Vec<Class> {
-        classes(&distinct(&self.frames, means), self.worker.transport.lights, surface, state)
+    /// How much samples differ beside the light of the place, or without a cache beside `means`, those of the
+    /// first round.
+    fn classes(
+        &self,
+        surface: &BlockSurface,
+        state: &BlockState,
+        means: &[f64],
+        history: &BlockHistory,
+    ) -> Vec<Class> {
+        let lit: Vec<usize> =
+            distinct(&self.frames).into_iter().filter(|&frame| means[frame] > 0.0).collect();
+        let frames: Vec<&Parts> = lit.iter().map(|&frame| &self.frames[frame]).collect();
+        let lights = self.worker.transport.lights;
+        match self.cached_frames(history).zip(history.floors.as_ref()) {
+            Some((cached, floors)) => {
+                let local = cached.local_light(surface, &lit, floors);
+                classes(&frames, |frame, texel| local[frame][texel], lights, surface, state)
+            }
+            None => classes(&frames, |frame, _| means[lit[frame]], lights, surface, state),
+        }
+    }
+
+    fn cached_frames<'s>(&'s self, history: &'s BlockHistory) -> Option<CachedFrames<'s>> {
+        let (worker, cell_map, frames) = (&self.worker, self.cell_map, &self.frames);
+        Some(CachedFrames { worker, cache: history.cache.as_ref()?, cell_map, frames })
     }
 
     /// The class of deviation whose texels get the mean number of samples, from what the first round left.
-    fn pivot(&self, blocks: &[usize], means: &[f64], console: &dyn Observer) -> Result<Option<i16>> {
+    fn pivot(
+        &self,
+        blocks: &[usize],
+        means: &[f64],
+        history: &BlockHistory,
+        console: &dyn Observer,
+    ) -> Result<Option<i16>> {
         let progress = console.progress("allocating samples", blocks.len() as u64);
         let of_block = |&block: &usize| -> Result<Histogram> {
             stop_if_interrupted()?;
             let surface = self.worker.surface(block);
             let state = self.folder.expect_block(block, surface.covered().count())?;
             let mut histogram = Histogram::default();
-            histogram.add(self.classes(&surface, &state, means));
+            histogram.add(self.classes(&surface, &state, means, history));
             progress.advance(1);
             Ok(histogram)
         };

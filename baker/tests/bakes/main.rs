@@ -7,6 +7,7 @@ mod denoise;
 mod golden;
 mod groups;
 mod keep;
+mod local;
 mod pages;
 mod parts;
 mod preview;
