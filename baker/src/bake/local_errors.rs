@@ -11,8 +11,8 @@ use super::errors::{Parts, Sums, cell_of};
 use super::state::{BlockState, CELL, CELLS};
 use super::value::Value;
 use crate::Rgb;
-use crate::atlas::Atlas;
 use crate::atlas::owners::Owners;
+use crate::atlas::{Atlas, Face};
 use crate::surface::{BLOCK, BlockSurface};
 use crate::trace::counts::RayCounts;
 use crate::trace::lights::Lights;
@@ -50,51 +50,62 @@ pub struct CellMap {
     seen: Vec<[u32; RAYS_PER_CELL]>,
 }
 
-/// The cells that the rays from a cell meet.
+/// What the rays from a cell meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Seen {
-    /// From where an eye has room.
+    /// The cells met where an eye has room on the way.
     far: [u32; RAYS_PER_CELL],
-    /// The others.
+    /// The other cells.
     near: [u32; RAYS_PER_CELL],
+    /// Whether a ray met something so near that no eye has room.
+    has_near: bool,
+    /// Whether an eye has room along some ray.
+    has_room: bool,
 }
 
 impl Default for Seen {
     fn default() -> Self {
-        Seen { far: [NO_CELL; RAYS_PER_CELL], near: [NO_CELL; RAYS_PER_CELL] }
+        let none = [NO_CELL; RAYS_PER_CELL];
+        Seen { far: none, near: none, has_near: false, has_room: false }
     }
 }
 
 impl Seen {
-    /// Adds the cell that a ray meets, and how far off.
-    fn add(&mut self, ray: usize, (cell, distance): (u32, f32)) {
-        let cells = if distance < NEAR_POINT { &mut self.near } else { &mut self.far };
-        cells[ray] = cell;
+    /// Adds what a ray meets: the distance, and the cell, if it is one.
+    fn add(&mut self, ray: usize, (distance, cell): (f32, Option<u32>)) {
+        let is_near = distance < NEAR_POINT;
+        let cells = if is_near { &mut self.near } else { &mut self.far };
+        cells[ray] = cell.unwrap_or(NO_CELL);
+        self.has_near |= is_near;
+        self.has_room |= !is_near;
     }
 
     /// Whether no eye has room before the cell.
     fn is_cramped(&self) -> bool {
-        self.far == [NO_CELL; RAYS_PER_CELL] && self.near != [NO_CELL; RAYS_PER_CELL]
+        self.has_near && !self.has_room
     }
 }
 
 /// The cells that an eye sees beside each cell. Who looks at one before which no eye has room, as behind a
-/// bookcase, sees what is seen from where the way out of there ends. Where there is no room at all, as in a
-/// scene of a few centimetres, the eye is small too.
-fn with_room(seen: &[Seen]) -> Vec<[u32; RAYS_PER_CELL]> {
+/// bookcase, sees what is seen from where the way out of there ends: it leads from cell to cell, to such as
+/// are seen or lie `beside`. Where there is no way out, as in a scene of a few centimetres, the eye is small
+/// too.
+fn with_room(seen: &[Seen], beside: impl Fn(usize) -> Vec<usize>) -> Vec<[u32; RAYS_PER_CELL]> {
     let mut found: Vec<Option<[u32; RAYS_PER_CELL]>> =
         seen.iter().map(|seen| (!seen.is_cramped()).then_some(seen.far)).collect();
-    let mut cramped: Vec<usize> = (0..seen.len()).filter(|&cell| found[cell].is_none()).collect();
+    let cramped = (0..seen.len()).filter(|&cell| found[cell].is_none());
+    let next = |cell: usize| seen[cell].near.into_iter().map(|near| near as usize).chain(beside(cell));
+    let mut cramped: Vec<(usize, Vec<usize>)> = cramped.map(|cell| (cell, next(cell).collect())).collect();
     loop {
-        let way_out = |&cell: &usize| {
-            seen[cell].near.iter().find_map(|&near| *found.get(near as usize)?).map(|far| (cell, far))
+        let way_out = |(cell, next): &(usize, Vec<usize>)| {
+            Some((*cell, next.iter().find_map(|&next| *found.get(next)?)?))
         };
         let out: Vec<_> = cramped.iter().filter_map(way_out).collect();
         if out.is_empty() {
             break;
         }
         out.into_iter().for_each(|(cell, far)| found[cell] = Some(far));
-        cramped.retain(|&cell| found[cell].is_none());
+        cramped.retain(|(cell, _)| found[*cell].is_none());
     }
     found.iter().zip(seen).map(|(found, seen)| found.unwrap_or(seen.near)).collect()
 }
@@ -289,7 +300,7 @@ impl CellMap {
             for (cell, texels) in texels.iter().enumerate().filter(|(_, texels)| !texels.is_empty()) {
                 for ray in 0..RAYS_PER_CELL {
                     let texel = texels[ray * texels.len() / RAYS_PER_CELL];
-                    let met = cell_map.seen_cell(worker, &face_of, &surface, texel, &mut rays);
+                    let met = cell_map.met(worker, &face_of, &surface, texel, &mut rays);
                     met.into_iter().for_each(|met| seen[cell].add(ray, met));
                 }
             }
@@ -305,7 +316,7 @@ impl CellMap {
             }
             rays += counts;
         }
-        cell_map.seen = with_room(&seen);
+        cell_map.seen = with_room(&seen, |cell| cell_map.beside(atlas, cell));
         Ok((cell_map, rays))
     }
 
@@ -326,28 +337,57 @@ impl CellMap {
         cell_map
     }
 
-    /// The cell that a ray from a texel meets, and how far off.
-    fn seen_cell(
+    /// What a ray from a texel meets: how far off, and the cell, if it is one.
+    fn met(
         &self,
         worker: &Worker,
         face_of: &[u32],
         surface: &BlockSurface,
         texel: usize,
         rays: &mut RayCounts,
-    ) -> Option<(u32, f32)> {
+    ) -> Option<(f32, Option<u32>)> {
         // (Whatever the seed of the bake: what is judged does not hang on it.)
         let index = surface.page_index(worker.atlas, texel) as u32;
         let sample = Sequence::new(0, SequenceKind::Texel, index, Stream::VisibleCells as u32).sample(0);
         let space = &worker.transport.space;
         let at = space.receiver(&surface.sample(worker.atlas, texel, point_pair(sample)))?;
         rays.inside += 1;
-        let hit = worker.transport.visible_hit(&at, sample)?;
-        let face = worker.atlas.faces.get(face_of[hit.triangle as usize] as usize)?;
-        let [a, b, c] = face.corners;
-        let at = a * hit.barycentric.x + b * hit.barycentric.y + c * hit.barycentric.z;
-        let clamped = |v: f32, size: u32| (v.max(0.0) as usize).min(size as usize - 1);
-        let cell = self.grid.at(clamped(at.x, worker.atlas.width), clamped(at.y, worker.atlas.height));
-        Some((cell as u32, hit.t))
+        let Some((hit, is_front)) = worker.transport.visible_hit(&at, sample) else {
+            return Some((f32::INFINITY, None));
+        };
+        let cell = |face: &Face| {
+            let [a, b, c] = face.corners;
+            let at = a * hit.barycentric.x + b * hit.barycentric.y + c * hit.barycentric.z;
+            let clamped = |v: f32, size: u32| (v.max(0.0) as usize).min(size as usize - 1);
+            self.grid.at(clamped(at.x, worker.atlas.width), clamped(at.y, worker.atlas.height)) as u32
+        };
+        let face = worker.atlas.faces.get(face_of[hit.triangle as usize] as usize).filter(|_| is_front);
+        Some((hit.t, face.map(cell)))
+    }
+
+    /// The cells beside one on the page that it shares a chart with.
+    fn beside(&self, atlas: &Atlas, cell: usize) -> Vec<usize> {
+        let (x, y) = (cell % self.grid.columns, cell / self.grid.columns);
+        let chart = |cell: (usize, usize), (dx, dy): (usize, usize)| {
+            let (x, y) = (cell.0 * CELL + dx, cell.1 * CELL + dy);
+            if x < atlas.width as usize && y < atlas.height as usize { self.owners.of(x, y) } else { None }
+        };
+        const LAST: usize = CELL - 1;
+        let shares = |other: (usize, usize)| {
+            (0..CELL).any(|i| {
+                let (own, others) = match (other.0 as isize - x as isize, other.1 as isize - y as isize) {
+                    (-1, _) => ((0, i), (LAST, i)),
+                    (1, _) => ((LAST, i), (0, i)),
+                    (_, -1) => ((i, 0), (i, LAST)),
+                    _ => ((i, LAST), (i, 0)),
+                };
+                let chart_of = chart((x, y), own);
+                chart_of.is_some() && chart_of == chart(other, others)
+            })
+        };
+        let around = [(x.wrapping_sub(1), y), (x + 1, y), (x, y.wrapping_sub(1)), (x, y + 1)];
+        let inside = around.into_iter().filter(|(x, y)| *x < self.grid.columns && *y < self.grid.rows);
+        inside.filter(|other| shares(*other)).map(|(x, y)| y * self.grid.columns + x).collect()
     }
 
     /// The grid of the cells.
@@ -507,8 +547,8 @@ mod tests {
     fn who_looks_into_a_gap_is_adapted_to_the_room() {
         let met = |far: &[u32], near: &[u32]| {
             let mut seen = Seen::default();
-            far.iter().enumerate().for_each(|(ray, &cell)| seen.add(ray, (cell, 2.0)));
-            near.iter().enumerate().for_each(|(ray, &cell)| seen.add(far.len() + ray, (cell, 0.1)));
+            far.iter().enumerate().for_each(|(ray, &cell)| seen.add(ray, (2.0, Some(cell))));
+            near.iter().enumerate().for_each(|(ray, &cell)| seen.add(far.len() + ray, (0.1, Some(cell))));
             seen
         };
         // A cell in a room, one at the mouth of a gap, two in there; one that sees nothing; two that see
@@ -522,7 +562,9 @@ mod tests {
             met(&[], &[6]),
             met(&[], &[5]),
         ];
-        let first = with_room(&cells).into_iter().map(|seen| seen.into_iter().find(|&cell| cell != NO_CELL));
+        let first = with_room(&cells, |_| Vec::new())
+            .into_iter()
+            .map(|seen| seen.into_iter().find(|&cell| cell != NO_CELL));
         assert_eq!(
             first.collect::<Vec<_>>(),
             [9, 8, 8, 8, NO_CELL, 6, 5].map(|cell| (cell != NO_CELL).then_some(cell))

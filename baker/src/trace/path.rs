@@ -245,15 +245,14 @@ impl<'a> Transport<'a> {
         (irradiance != Rgb::ZERO && irradiance.is_finite()).then_some(irradiance)
     }
 
-    /// The first surface other than glass in a cosine-distributed direction; `None` also where it is the back
-    /// of a one-sided triangle.
-    pub fn visible_hit(&self, at: &Receiver, sample: Sample) -> Option<Hit> {
+    /// The first surface other than glass in a cosine-distributed direction, and whether its front is met.
+    pub fn visible_hit(&self, at: &Receiver, sample: Sample) -> Option<(Hit, bool)> {
         let direction = cosine_direction(at.normal, sample.pair(dimension::next_direction(0)));
         if direction.dot(at.face_normal) <= 0.0 {
             return None;
         }
         let hit = self.space.ray_tracer.nearest_wall(at.origin, direction, at.triangle)?;
-        (self.space.front(hit.triangle).dot(direction) < 0.0).then_some(hit)
+        Some((hit, self.space.front(hit.triangle).dot(direction) < 0.0))
     }
 
     /// Adds one sample of all light at `start` that does not come straight from a sampled light. `on_arrival`
