@@ -3,8 +3,8 @@
 //! Relative to the page's mean, a dark room beside a sunny field has no error at all, however it looks. Here
 //! every texel's error is taken relative to the mean light of its *piece*, the texels of its cell that belong
 //! to its chart, and a cell's error is the root mean square of those. What is too dark to be seen is not
-//! asked for more: nothing is judged as if it were darker than [`VISIBLE_PART`] of what is seen from there,
-//! nor than [`LEAST_IRRADIANCE`].
+//! asked for more: nothing is judged as if it were darker than [`VISIBLE_PART`] of what is seen from there
+//! (from where an eye has room), nor than [`LEAST_IRRADIANCE`].
 
 use super::block::{Stream, Worker};
 use super::errors::{Parts, Sums, cell_of};
@@ -38,7 +38,7 @@ pub const PICTURE_STEP: f64 = 0.002;
 /// Rays from a cell that find which cells are seen from it.
 const RAYS_PER_CELL: usize = 16;
 /// In metres, the nearest at which eyes see clearly: so much room an eye needs.
-const NEAR_POINT: f32 = 0.25;
+pub const NEAR_POINT: f32 = 0.25;
 /// No cell.
 const NO_CELL: u32 = u32::MAX;
 
