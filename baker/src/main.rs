@@ -107,9 +107,9 @@ struct Args {
     samples: Option<u32>,
     /// Stop when, at every time, 95 % of the texels lie in converged cells: cells of 16×16 texels whose local
     /// error is below ERROR, e.g. 5%, as is that of the 5×5 cells around together. Local error is the
-    /// standard error divided by the cell's own light, or by 1/30 of the median light visible from it (before a
-    /// gap without 25 cm of room for an eye: from where it opens) if that is larger. The decision is made after denoising. Light that very few paths find (a pinhole) can be
-    /// missed.
+    /// standard error divided by the cell's own light, or by 1/30 of the median light visible from it if that
+    /// is larger. In a gap with less than 25 cm of room, the light visible from its opening counts. The
+    /// decision is made after denoising. Light that very few paths find (a pinhole) can be missed.
     #[arg(long, value_name = "ERROR", value_parser = parse_error)]
     target_error: Option<f64>,
     /// Stop tracing after this time, e.g. 90s, 5m, 2h, but not before the first round is complete. The

@@ -3,7 +3,7 @@
 use baker::Result;
 use baker::bake::check::{Check, FrameCheck};
 use baker::bake::existing::ERRORS;
-use baker::bake::local_errors::{LEAST_IRRADIANCE, LocalErrorSummary, NEAR_POINT, PICTURE_STEP, VISIBLE_PART};
+use baker::bake::local_errors::{EYE_ROOM, LEAST_IRRADIANCE, LocalErrorSummary, PICTURE_STEP, VISIBLE_PART};
 use baker::bake::run::{Integrator, Outcome};
 use baker::bake::state::CELL;
 use commands::report::Section;
@@ -54,11 +54,11 @@ fn add_local(section: &mut Section, outcome: &Outcome, dataset: &Dataset) -> Res
     section.subheading("Local error");
     section.paragraph(&format!(
         "The estimated standard error of cells of 16×16 texels, each texel relative to the mean light of its chart's part of the cell: what \
-         shows as blotches. Light that is darker than 1/{:.0} of the median of what is seen from there, or than {:.0} µlx, counts as that bright; into gaps without {:.0} cm of room, eyes look from outside. \
+         shows as blotches. Light that is darker than 1/{:.0} of the median of what is seen from there, or than {:.0} µlx, counts as that bright. In a gap with less than {:.0} cm of room, what is seen from its opening counts. \
          Cells count by their texels. The bias of the cache is not in it (--check measures it).",
         1.0 / VISIBLE_PART,
         LEAST_IRRADIANCE * 1e9,
-        NEAR_POINT * 100.0
+        EYE_ROOM * 100.0
     ));
     if let Some(picture) = error_picture(outcome, dataset)? {
         section.row(&[picture]);

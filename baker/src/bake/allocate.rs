@@ -1,5 +1,5 @@
-//! How many samples of indirect light a texel gets: in proportion to how much those of the texels around it
-//! differ.
+//! How many samples of indirect light a texel gets: in proportion to how much the samples of the texels
+//! around it differ, relative to the local light ([`super::local_light`]) or, without a cache, to the page's.
 //!
 //! The first round decides it for all later ones. A texel's own samples have no say in it: were they asked,
 //! those that met a rare bright path would be given other numbers than those that did not, and the mean would
@@ -15,8 +15,7 @@ use crate::trace::lights::Lights;
 /// yard and the room; but where bright paths are rare and nothing is local, chance then decides: 1.8 times
 /// the squared error of even samples, with six 1.3.)
 const NEIGHBOUR_REACH: usize = 6;
-/// log₂ of the least number of samples, relative to the mean: the dark, which differs little, is to be
-/// sampled too.
+/// log₂ of the least share of samples, relative to the mean: what differs little is sampled too.
 const LEAST_LOG2_SHARE: i32 = -1;
 /// log₂ of the greatest.
 const MOST_LOG2_SHARE: i32 = 4;
@@ -130,9 +129,9 @@ pub fn distinct(frames: &[Parts]) -> Vec<usize> {
     (0..frames.len()).filter(|&frame| !frames[..frame].contains(&frames[frame])).collect()
 }
 
-/// The classes of the covered texels of a block after its first round. Deviations are those of the frames'
-/// light, each in units of what `unit` gives for it by its place in `frames` and for a covered texel, summed
-/// in squares over the frames.
+/// The classes of the covered texels of a block after its first round. A deviation is the root of the sum
+/// over the frames of (difference of the half-buffers ÷ `unit`)². `unit(place, texel)` is the light in klx,
+/// above 0, that errors of `frames[place]` are relative to at a covered texel.
 pub fn classes(
     frames: &[&Parts],
     unit: impl Fn(usize, usize) -> f64,
@@ -152,9 +151,9 @@ pub fn classes(
         let [a, b] = [0, 1].map(|half| &state.sums[(2 * texel + half) * layers..][..layers]);
         let [a_scale, b_scale] = taken.map(|n| 1.0 / n as f32);
         difference.iter_mut().zip(a.iter().zip(b)).for_each(|(d, (a, b))| *d = *a * a_scale - *b * b_scale);
-        let square = |(frame, parts): (usize, &&Parts)| {
+        let square = |(place, parts): (usize, &&Parts)| {
             let of_frame = parts.iter().map(|&(layer, scale)| difference[layer] * scale).sum::<Rgb>();
-            (of_frame.as_dvec3() / unit(frame, texel)).length_squared()
+            (of_frame.as_dvec3() / unit(place, texel)).length_squared()
         };
         squares[in_block] = Some(frames.iter().enumerate().map(square).sum());
     }

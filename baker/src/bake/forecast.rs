@@ -134,10 +134,10 @@ pub fn forecast(prepared: &Prepared, layout: &LayoutEstimate) -> Result<Forecast
     };
     let paths = cache_system::paths_per_entry(entries, rounds::guaranteed_samples(&prepared.limits));
     let cache = solve::bytes(entries, plan.layers(), paths);
-    // Beside it while paths are traced: of each frame error, light and floor of each cell.
+    // Beside the cache while paths are traced: per frame and cell its sums, the light and the floor.
     let of_cell = (size_of::<Sums>() + 2 * size_of::<f32>()) as u64;
-    let finer = u64::from(layout.texel_scale).pow(2);
-    let cells = of_cell * plan.times.len() as u64 * (blocks.len() * CELLS) as u64 * finer;
+    let cells_per_planned_cell = u64::from(layout.texel_scale).pow(2);
+    let cells = of_cell * plan.times.len() as u64 * (blocks.len() * CELLS) as u64 * cells_per_planned_cell;
     let stored_cache = 2 * (entries * CacheHalf::bytes_per_entry(plan.layers())) as u64;
     // Towards a target layers are denoised between rounds, too: beside the cache.
     let is_judged = prepared.denoise.is_some() && prepared.limits.target_error.is_some();

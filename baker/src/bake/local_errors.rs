@@ -2,22 +2,23 @@
 //!
 //! Relative to the page's mean, a dark room beside a sunny field has no error at all, however it looks. Here
 //! every texel's error is taken relative to the mean light of its *piece*, the texels of its cell that belong
-//! to its chart, and a cell's error is the root mean square of those. What is too dark to be seen is not
-//! asked for more: nothing is judged as if it were darker than [`VISIBLE_PART`] of what is seen from there
-//! (from where an eye has room), nor than [`LEAST_IRRADIANCE`].
+//! to its chart, and a cell's error is the root mean square of those. What is too dark to be seen need not be
+//! better: light darker than [`VISIBLE_PART`] of what is seen from there, or than [`LEAST_IRRADIANCE`],
+//! counts as that bright. In gaps without room for an eye, what is seen from their opening counts.
 
 use super::block::{Stream, Worker};
 use super::errors::{Parts, Sums, cell_of};
 use super::state::{BlockState, CELL, CELLS};
 use super::value::Value;
 use crate::Rgb;
+use crate::atlas::Atlas;
 use crate::atlas::owners::Owners;
-use crate::atlas::{Atlas, Face};
 use crate::surface::{BLOCK, BlockSurface};
 use crate::trace::counts::RayCounts;
 use crate::trace::lights::Lights;
 use crate::trace::path::point_pair;
 use crate::trace::sampler::{Sequence, SequenceKind};
+use crate::trace::triangle::Hit;
 use dataset::image::encode_png;
 use dataset::observe::Observer;
 use dataset::signals::stop_if_interrupted;
@@ -37,8 +38,8 @@ pub const COUNTED_ERRORS: [f64; 3] = [0.05, 0.1, 0.2];
 pub const PICTURE_STEP: f64 = 0.002;
 /// Rays from a cell that find which cells are seen from it.
 const RAYS_PER_CELL: usize = 16;
-/// In metres, the nearest at which eyes see clearly: so much room an eye needs.
-pub const NEAR_POINT: f32 = 0.25;
+/// Room that an eye needs, in metres: it does not see clearly what is nearer.
+pub const EYE_ROOM: f32 = 0.25;
 /// No cell.
 const NO_CELL: u32 = u32::MAX;
 
@@ -50,16 +51,16 @@ pub struct CellMap {
     seen: Vec<[u32; RAYS_PER_CELL]>,
 }
 
-/// What the rays from a cell meet.
+/// What the rays from a cell meet, and whether an eye has room there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Seen {
-    /// The cells met where an eye has room on the way.
+    /// Per ray, the cell it meets at [`EYE_ROOM`] or beyond; [`NO_CELL`] if none.
     far: [u32; RAYS_PER_CELL],
-    /// The other cells.
+    /// Per ray, the cell it meets nearer than that; [`NO_CELL`] if none.
     near: [u32; RAYS_PER_CELL],
-    /// Whether a ray met something so near that no eye has room.
+    /// Whether some ray meets anything nearer, cell or not.
     has_near: bool,
-    /// Whether an eye has room along some ray.
+    /// Whether some ray meets nothing nearer.
     has_room: bool,
 }
 
@@ -71,9 +72,9 @@ impl Default for Seen {
 }
 
 impl Seen {
-    /// Adds what a ray meets: the distance, and the cell, if it is one.
+    /// Adds what a ray meets: its distance in metres (∞: nothing), and its cell, if it has one.
     fn add(&mut self, ray: usize, (distance, cell): (f32, Option<u32>)) {
-        let is_near = distance < NEAR_POINT;
+        let is_near = distance < EYE_ROOM;
         let cells = if is_near { &mut self.near } else { &mut self.far };
         cells[ray] = cell.unwrap_or(NO_CELL);
         self.has_near |= is_near;
@@ -86,11 +87,11 @@ impl Seen {
     }
 }
 
-/// The cells that an eye sees beside each cell. Who looks at one before which no eye has room, as behind a
-/// bookcase, sees what is seen from where the way out of there ends: it leads from cell to cell, to such as
-/// are seen or lie `beside`. Where there is no way out, as in a scene of a few centimetres, the eye is small
-/// too.
-fn with_room(seen: &[Seen], beside: impl Fn(usize) -> Vec<usize>) -> Vec<[u32; RAYS_PER_CELL]> {
+/// Per cell, the cells that its light is compared with: those that its rays meet. A cell without room for an
+/// eye, as behind a bookcase, takes those of the nearest cell with room. The way there leads from cell to
+/// cell: to those that its rays meet, then to those `beside` it on the page. Where no way leads out, as in a
+/// scene of a few centimetres, a cell keeps what its own rays meet.
+fn seen_by_eyes(seen: &[Seen], beside: impl Fn(usize) -> Vec<usize>) -> Vec<[u32; RAYS_PER_CELL]> {
     let mut found: Vec<Option<[u32; RAYS_PER_CELL]>> =
         seen.iter().map(|seen| (!seen.is_cramped()).then_some(seen.far)).collect();
     let cramped = (0..seen.len()).filter(|&cell| found[cell].is_none());
@@ -281,7 +282,7 @@ impl LocalErrorSummary {
 }
 
 impl CellMap {
-    /// Looks around from the middle of every cell.
+    /// Traces [`RAYS_PER_CELL`] rays from texels spread over every cell.
     pub fn find(worker: &Worker, console: &dyn Observer) -> crate::Result<(Self, RayCounts)> {
         let atlas = worker.atlas;
         let mut cell_map = CellMap::seeing_nothing(atlas);
@@ -300,7 +301,7 @@ impl CellMap {
             for (cell, texels) in texels.iter().enumerate().filter(|(_, texels)| !texels.is_empty()) {
                 for ray in 0..RAYS_PER_CELL {
                     let texel = texels[ray * texels.len() / RAYS_PER_CELL];
-                    let met = cell_map.met(worker, &face_of, &surface, texel, &mut rays);
+                    let met = cell_map.trace_seen(worker, &face_of, &surface, texel, &mut rays);
                     met.into_iter().for_each(|met| seen[cell].add(ray, met));
                 }
             }
@@ -316,7 +317,7 @@ impl CellMap {
             }
             rays += counts;
         }
-        cell_map.seen = with_room(&seen, |cell| cell_map.beside(atlas, cell));
+        cell_map.seen = seen_by_eyes(&seen, |cell| cell_map.beside(atlas, cell));
         Ok((cell_map, rays))
     }
 
@@ -337,8 +338,9 @@ impl CellMap {
         cell_map
     }
 
-    /// What a ray from a texel meets: how far off, and the cell, if it is one.
-    fn met(
+    /// What a ray from a texel meets: its distance in metres (∞: nothing), and the cell, if the front of a
+    /// surface with texels is met. `None` where the texel has no surface at that point.
+    fn trace_seen(
         &self,
         worker: &Worker,
         face_of: &[u32],
@@ -352,20 +354,18 @@ impl CellMap {
         let space = &worker.transport.space;
         let at = space.receiver(&surface.sample(worker.atlas, texel, point_pair(sample)))?;
         rays.inside += 1;
-        let Some((hit, is_front)) = worker.transport.visible_hit(&at, sample) else {
-            return Some((f32::INFINITY, None));
-        };
-        let cell = |face: &Face| {
-            let [a, b, c] = face.corners;
+        let (distance, hit) = worker.transport.seen(&at, sample)?;
+        let cell = |hit: Hit| {
+            let [a, b, c] = worker.atlas.faces.get(face_of[hit.triangle as usize] as usize)?.corners;
             let at = a * hit.barycentric.x + b * hit.barycentric.y + c * hit.barycentric.z;
             let clamped = |v: f32, size: u32| (v.max(0.0) as usize).min(size as usize - 1);
-            self.grid.at(clamped(at.x, worker.atlas.width), clamped(at.y, worker.atlas.height)) as u32
+            Some(self.grid.at(clamped(at.x, worker.atlas.width), clamped(at.y, worker.atlas.height)) as u32)
         };
-        let face = worker.atlas.faces.get(face_of[hit.triangle as usize] as usize).filter(|_| is_front);
-        Some((hit.t, face.map(cell)))
+        Some((distance, hit.and_then(cell)))
     }
 
-    /// The cells beside one on the page that it shares a chart with.
+    /// The up to four cells next to a cell on the page whose adjoining texels lie on the same chart as its
+    /// own.
     fn beside(&self, atlas: &Atlas, cell: usize) -> Vec<usize> {
         let (x, y) = (cell % self.grid.columns, cell / self.grid.columns);
         let chart = |cell: (usize, usize), (dx, dy): (usize, usize)| {
@@ -400,8 +400,8 @@ impl CellMap {
         self.owners.of(x, y)
     }
 
-    /// Per cell of a frame, the light below which nothing is judged: by the median of its own light and that
-    /// of the cells seen from it.
+    /// Per cell of a frame, the least light in klx that errors are relative to: by the median of its own and
+    /// that of the cells seen from it.
     pub fn floors(&self, cells: &[Sums]) -> Vec<f64> {
         let floor = |own: usize| {
             let seen_cells =
@@ -544,15 +544,15 @@ mod tests {
     }
 
     #[test]
-    fn who_looks_into_a_gap_is_adapted_to_the_room() {
+    fn cells_in_a_gap_are_judged_from_its_opening() {
         let met = |far: &[u32], near: &[u32]| {
             let mut seen = Seen::default();
             far.iter().enumerate().for_each(|(ray, &cell)| seen.add(ray, (2.0, Some(cell))));
             near.iter().enumerate().for_each(|(ray, &cell)| seen.add(far.len() + ray, (0.1, Some(cell))));
             seen
         };
-        // A cell in a room, one at the mouth of a gap, two in there; one that sees nothing; two that see
-        // but each other.
+        // A cell in a room, one at the mouth of a gap, two inside it; one that sees nothing; two that see
+        // only each other.
         let cells = [
             met(&[9], &[]),
             met(&[8], &[2]),
@@ -562,7 +562,7 @@ mod tests {
             met(&[], &[6]),
             met(&[], &[5]),
         ];
-        let first = with_room(&cells, |_| Vec::new())
+        let first = seen_by_eyes(&cells, |_| Vec::new())
             .into_iter()
             .map(|seen| seen.into_iter().find(|&cell| cell != NO_CELL));
         assert_eq!(

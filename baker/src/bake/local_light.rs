@@ -1,6 +1,7 @@
-//! What errors are relative to, as the cache knows it: by it samples go to where errors are seen.
+//! The light that a texel's error is relative to, read from the cache: samples are handed out by it.
 //!
-//! It is not taken from the samples: a texel's own must have no say in their number ([`super::allocate`]).
+//! It is not taken from the texels' samples: a texel's own samples must not decide how many it gets
+//! ([`super::allocate`]).
 
 use super::allocate::distinct;
 use super::block::Worker;
@@ -14,25 +15,28 @@ use crate::{Result, Rgb};
 use dataset::signals::stop_if_interrupted;
 use rayon::prelude::*;
 
-/// What reads the light of frames from the cache.
+/// Reads the light of frames from the cache.
 #[derive(Clone, Copy)]
-pub struct CachedFrames<'a> {
-    /// The texels.
+pub struct CachedLight<'a> {
+    /// Gives surfaces and blocks.
     pub worker: &'a Worker<'a>,
-    /// The cache.
+    /// The solved cache.
     pub cache: &'a Cache<'a>,
-    /// Where its cells are.
+    /// The page's cells.
     pub cell_map: &'a CellMap,
-    /// The layers of each frame.
+    /// Per frame, its layers.
     pub frames: &'a [Parts],
 }
 
-/// Per frame and cell, the light below which nothing is judged; no cells for a frame that equals an earlier
-/// one.
+/// Per frame and cell, the least light in klx that errors are relative to. A frame that equals an earlier one
+/// has no cells: only [`distinct`] frames may be asked for.
 pub struct Floors(Vec<Vec<f32>>);
 
-impl CachedFrames<'_> {
-    /// The floors of all cells.
+impl CachedLight<'_> {
+    /// The floors of all cells, by [`CellMap::floors`].
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`] alone.
     pub fn floors(&self) -> Result<Floors> {
         let grid = self.cell_map.grid();
         let distinct = distinct(self.frames);
@@ -40,12 +44,12 @@ impl CachedFrames<'_> {
             stop_if_interrupted()?;
             let surface = self.worker.surface(block);
             let pieces = self.pieces(&surface);
-            let cells = |light: Vec<Sums>| {
+            let means_of_cells = |light: Vec<Sums>| {
                 let mut cells = [Sums::default(); CELLS];
                 pieces.add_to_cells(&light, &mut cells);
                 cells.map(|cell| cell.mean() as f32)
             };
-            let light = self.light(&surface, &pieces, &distinct).into_iter().map(cells);
+            let light = self.light(&surface, &pieces, &distinct).into_iter().map(means_of_cells);
             Ok((surface.x0, surface.y0, light.collect::<Vec<_>>()))
         };
         let blocks = self.worker.blocks().par_iter().map(of_block).collect::<Result<Vec<_>>>()?;
@@ -63,15 +67,15 @@ impl CachedFrames<'_> {
         Ok(Floors(floors))
     }
 
-    /// For some frames, what the errors of a block's covered texels are relative to: the light of their
-    /// pieces, or the floors.
+    /// Per frame of `frames` (distinct ones) and covered texel of a block, in order: the light in klx that
+    /// its errors are relative to. That is the mean light of its piece, or its cell's floor if that is more.
     pub fn local_light(&self, surface: &BlockSurface, frames: &[usize], floors: &Floors) -> Vec<Vec<f64>> {
         let grid = self.cell_map.grid();
         let pieces = self.pieces(surface);
-        let of_frame = |(light, &frame): (Vec<Sums>, &usize)| {
+        let of_frame = |(sums, &frame): (Vec<Sums>, &usize)| {
             let of_texel = |(texel, in_block): (usize, usize)| {
                 let cell = grid.of_block(surface.x0, surface.y0, cell_of(surface, in_block));
-                light[pieces.of(texel)].mean().max(f64::from(floors.0[frame][cell]))
+                sums[pieces.of(texel)].mean().max(f64::from(floors.0[frame][cell]))
             };
             surface.covered().enumerate().map(of_texel).collect()
         };
@@ -86,7 +90,7 @@ impl CachedFrames<'_> {
         Pieces::new(surface.covered().map(piece))
     }
 
-    /// Per frame, the light of each piece of a block.
+    /// Per frame, the sums of each piece of a block: light alone. Texels without a cache entry do not count.
     fn light(&self, surface: &BlockSurface, pieces: &Pieces, frames: &[usize]) -> Vec<Vec<Sums>> {
         let mut light = vec![pieces.sums(); frames.len()];
         let mut layers = vec![Rgb::ZERO; self.worker.transport.lights.layers()];

@@ -23,7 +23,7 @@ pub const LEAST_FILLED: u32 = 4;
 /// Light of a band's texels, row by row.
 pub type BandLight<'a> = Cow<'a, [[f32; 3]]>;
 
-/// Where the covered texels of a page lie, and what is filled and stitched.
+/// A page in bands of rows: its covered texels, and what is filled and stitched.
 pub struct PageBands<'a> {
     atlas: &'a Atlas,
     /// The covered texels.

@@ -6,7 +6,7 @@ use super::state::BlockState;
 use crate::surface::SurfacePoint;
 use crate::trace::cache::{CacheMap, Patch};
 use crate::trace::counts::RayCounts;
-use crate::trace::path::{Arrival, PathStart, point_pair};
+use crate::trace::path::{Arrival, FirstHit, point_pair};
 use crate::trace::sampler::{Sample, Sequence, SequenceKind};
 use crate::trace::space::Receiver;
 use crate::{Result, Rgb};
@@ -67,8 +67,8 @@ pub fn trace(
 
 /// Paths from a patch for each sample of its direct light.
 const PATHS_A_DIRECT: usize = 4;
-/// Points of an entry that are tried where some lie in solids.
-const TRIED_POINTS: usize = 16;
+/// Most points of an entry that are tried to replace those in solids; no fewer than it has paths.
+const MOST_TRIED_POINTS: usize = 16;
 
 /// What the paths from one entry found.
 struct TracedEntry {
@@ -120,6 +120,7 @@ fn trace_block(
                     sample,
                 ))
             };
+            // (Texels' starts are probed: none is in a solid.)
             let is_buried = |_: &Receiver, _: &mut RayCounts| false;
             follow(worker, map, (group[0].0, paths), source, start, is_buried).0
         })
@@ -144,8 +145,8 @@ fn trace_patches(
             let point = SurfacePoint { triangle: patch.triangle, barycentric };
             Some((transport.space.receiver_on(&point, patch.is_back)?, sample))
         };
-        // No path from elsewhere arrives at what lies inside a solid, as a floor under a wall does: it must
-        // not darken what is seen.
+        // No path from outside arrives at a point in a solid, such as the floor under a wall. Its dark must
+        // not count in the patch's mean.
         let is_buried = |at: &Receiver, counts: &mut RayCounts| transport.space.is_inside(at, counts);
         let black = vec![Rgb::ZERO; lights.layers()];
         let (mut traced, starts) = follow(worker, map, (patch.entry, paths), black, start, is_buried);
@@ -159,8 +160,9 @@ fn trace_patches(
     patches.par_iter().with_min_len(32).map(one).collect()
 }
 
-/// The paths of one entry, from where `start` puts each, and those starts; `source` is its direct light. A
-/// path that meets a back at once does not count where its start `is_buried`.
+/// Traces an entry's paths from where `start` puts each. Gives what they found and the starts that count.
+/// `source` is what is known of its direct light. A start does not count where its path meets an absorbing
+/// back at once and `is_buried` holds.
 fn follow(
     worker: &Worker,
     map: &CacheMap,
@@ -174,8 +176,8 @@ fn follow(
     let mut found = vec![Rgb::ZERO; source.len()];
     let mut buried = 0;
     for i in 0.. {
-        // Of a surface that is mostly buried, a few more points are tried.
-        if i - buried == paths || i >= paths.max(TRIED_POINTS) {
+        // Starts in solids are replaced while few points were tried.
+        if i - buried == paths || i >= paths.max(MOST_TRIED_POINTS) {
             break;
         }
         let Some((at, sample)) = start(i, &mut counts) else { continue };
@@ -185,7 +187,7 @@ fn follow(
             entry.is_some()
         };
         let begun = worker.transport.indirect(&at, sample, on_arrival, &mut found, None, &mut counts);
-        if begun == PathStart::MetBack && is_buried(&at, &mut counts) {
+        if begun == FirstHit::Back && is_buried(&at, &mut counts) {
             buried += 1;
         } else {
             starts.push((at, sample));

@@ -22,7 +22,8 @@ pub struct Step {
     pub deadline: Option<Instant>,
     /// Whose texels get as many samples as the target says, after the first round.
     pub pivot: Pivot,
-    /// The mean light of every frame in the first round, if that is done.
+    /// The mean light of every frame in the first round, once that is done: then shares are decided. Frames
+    /// of mean 0 do not count; without a cache, deviations are relative to it.
     pub first_means: Option<Vec<f64>>,
     /// The cells that miss a target; without one, and in the first round, all get samples.
     pub unconverged: Option<UnconvergedCells>,

@@ -11,7 +11,7 @@ use super::endless_light;
 use super::errors::{Parts, cell_of};
 use super::indirect::Cache;
 use super::local_errors::{CellMap, of_block};
-use super::local_light::{CachedFrames, Floors};
+use super::local_light::{CachedLight, Floors};
 use super::round_summary::{BlockResult, summarise};
 use super::rounds::{Limits, Round, Traced, note, schedule, stops};
 use super::solve::{self, Covered};
@@ -34,7 +34,7 @@ pub struct Tracer<'a> {
     pub worker: Worker<'a>,
     /// Per frame, the layers being traced that it is made of.
     pub frames: Vec<Parts>,
-    /// Where its cells are.
+    /// The page's cells.
     pub cell_map: &'a CellMap,
     /// Work so far.
     pub folder: &'a WorkFolder,
@@ -55,7 +55,7 @@ pub struct BlockHistory<'t> {
     /// Whether blocks were brought beyond the first round before this run.
     is_beyond_first: bool,
     cache: Option<Cache<'t>>,
-    /// By the cache, the light below which nothing is judged.
+    /// The floors of the local light; `None` without a cache.
     floors: Option<Floors>,
     /// The rounds that every block was brought through.
     steps: Vec<Step>,
@@ -170,13 +170,19 @@ impl Tracer<'_> {
             // What the cache is solved from is what its light rests on: as much as is known to be drawn
             // anyway.
             history.guaranteed_samples = Some(guaranteed_samples);
-            let Some(solved) =
-                self.find_cache(&blocks, before_rounds.covered, &history, is_begun, console, &mut traced)?
+            let Some(solved) = self.load_or_solve_cache(
+                &blocks,
+                before_rounds.covered,
+                &history,
+                is_begun,
+                console,
+                &mut traced,
+            )?
             else {
                 return Ok(None);
             };
             (history.cache, is_solved) = (solved.cache, solved.is_kept);
-            history.floors = self.cached_frames(&history).map(|cached| cached.floors()).transpose()?;
+            history.floors = self.cached_light(&history).map(|cached| cached.floors()).transpose()?;
         }
         if traced.resumed > 0 {
             console.say(format!("continuing after {} of an earlier run", count(traced.resumed, "round")));
@@ -401,7 +407,7 @@ impl Tracer<'_> {
 
     /// The cache. `None` where it is lost and cannot be made as it was, because rounds came after it
     /// (`is_begun`).
-    fn find_cache(
+    fn load_or_solve_cache(
         &self,
         blocks: &[usize],
         covered: Vec<Covered>,
@@ -541,6 +547,7 @@ impl Tracer<'_> {
         history: &BlockHistory,
         rays: &mut RayCounts,
     ) -> bool {
+        // Once the first round is done, shares are decided, once per block.
         if let (Some(means), true) = (&step.first_means, state.log2_shares.is_empty()) {
             let classes = self.classes(surface, state, means, history);
             state.log2_shares = log2_shares(&classes, surface, step.pivot);
@@ -593,8 +600,8 @@ impl Tracer<'_> {
         Ok(BlockResult { x0: surface.x0, y0: surface.y0, usable, cells, texels, samples, rays })
     }
 
-    /// How much samples differ beside the light of the place, or without a cache beside `means`, those of the
-    /// first round.
+    /// The classes of a block's texels, relative to the local light; without a cache, relative to `means`,
+    /// each frame's mean over the page in the first round. Frames whose mean is 0 do not count.
     fn classes(
         &self,
         surface: &BlockSurface,
@@ -606,18 +613,19 @@ impl Tracer<'_> {
             distinct(&self.frames).into_iter().filter(|&frame| means[frame] > 0.0).collect();
         let frames: Vec<&Parts> = lit.iter().map(|&frame| &self.frames[frame]).collect();
         let lights = self.worker.transport.lights;
-        match self.cached_frames(history).zip(history.floors.as_ref()) {
+        match self.cached_light(history).zip(history.floors.as_ref()) {
             Some((cached, floors)) => {
                 let local = cached.local_light(surface, &lit, floors);
-                classes(&frames, |frame, texel| local[frame][texel], lights, surface, state)
+                classes(&frames, |place, texel| local[place][texel], lights, surface, state)
             }
-            None => classes(&frames, |frame, _| means[lit[frame]], lights, surface, state),
+            None => classes(&frames, |place, _| means[lit[place]], lights, surface, state),
         }
     }
 
-    fn cached_frames<'s>(&'s self, history: &'s BlockHistory) -> Option<CachedFrames<'s>> {
+    /// The cached light of the frames; `None` without a cache.
+    fn cached_light<'s>(&'s self, history: &'s BlockHistory) -> Option<CachedLight<'s>> {
         let (worker, cell_map, frames) = (&self.worker, self.cell_map, &self.frames);
-        Some(CachedFrames { worker, cache: history.cache.as_ref()?, cell_map, frames })
+        Some(CachedLight { worker, cache: history.cache.as_ref()?, cell_map, frames })
     }
 
     /// The class of deviation whose texels get the mean number of samples, from what the first round left.

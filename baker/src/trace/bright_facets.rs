@@ -27,11 +27,11 @@ const LEAST_SHARE: f64 = 0.5;
 /// Most clusters of facets.
 pub const MOST_CLUSTERS: usize = 256;
 
-/// What the bright facets of one list are chosen by.
+/// How the bright facets of one list are chosen.
 pub struct BrightSelection {
     /// The layers.
     pub layers: Range<usize>,
-    /// Tells its random numbers from those of other layers.
+    /// Distinguishes its random numbers from those of other lists.
     pub key: u32,
     /// Most clusters of its facets.
     pub most_clusters: usize,

@@ -55,13 +55,13 @@ pub struct Arrival {
     pub is_first: bool,
 }
 
-/// How a path began.
+/// What a path met first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PathStart {
-    /// It ended at once on an absorbing back, as all paths in a solid do.
-    MetBack,
-    /// Otherwise.
-    Free,
+pub enum FirstHit {
+    /// An absorbing back, as from inside a solid.
+    Back,
+    /// Anything else, or nothing.
+    Other,
 }
 
 /// Dimensions of a sample, by vertex of its path: pairs and single numbers are counted apart.
@@ -245,14 +245,16 @@ impl<'a> Transport<'a> {
         (irradiance != Rgb::ZERO && irradiance.is_finite()).then_some(irradiance)
     }
 
-    /// The first surface other than glass in a cosine-distributed direction, and whether its front is met.
-    pub fn visible_hit(&self, at: &Receiver, sample: Sample) -> Option<(Hit, bool)> {
+    /// What is seen in a cosine-distributed direction, glass omitted: its distance in metres (∞: nothing),
+    /// and the hit if a front is met. `None` where the direction lies below the triangle.
+    pub fn seen(&self, at: &Receiver, sample: Sample) -> Option<(f32, Option<Hit>)> {
         let direction = cosine_direction(at.normal, sample.pair(dimension::next_direction(0)));
         if direction.dot(at.face_normal) <= 0.0 {
             return None;
         }
-        let hit = self.space.ray_tracer.nearest_wall(at.origin, direction, at.triangle)?;
-        Some((hit, self.space.front(hit.triangle).dot(direction) < 0.0))
+        let hit = self.space.ray_tracer.nearest_wall(at.origin, direction, at.triangle);
+        let is_front = |hit: &Hit| self.space.front(hit.triangle).dot(direction) < 0.0;
+        Some((hit.map_or(f32::INFINITY, |hit| hit.t), hit.filter(is_front)))
     }
 
     /// Adds one sample of all light at `start` that does not come straight from a sampled light. `on_arrival`
@@ -261,6 +263,8 @@ impl<'a> Transport<'a> {
     ///
     /// With `hit_light`, what comes straight from emissive surfaces to the start is added there, and from the
     /// sky if it is summed apart ([`Lights::layers_of_hit_lights`]).
+    ///
+    /// Returns what the path met first, glass that it passed omitted.
     pub fn indirect(
         &self,
         start: &Receiver,
@@ -269,7 +273,7 @@ impl<'a> Transport<'a> {
         out: &mut [Rgb],
         mut hit_light: Option<&mut [Rgb]>,
         counts: &mut RayCounts,
-    ) -> PathStart {
+    ) -> FirstHit {
         let lights = self.lights;
         let mut at = *start;
         // Irradiance at the start, per unit of it at the vertex.
@@ -284,7 +288,7 @@ impl<'a> Transport<'a> {
             // Onwards, distributed as the cosine: E = ∫ L cos θ dω is estimated by π L.
             let direction = cosine_direction(at.normal, sample.pair(dimension::next_direction(vertex)));
             if direction.dot(at.face_normal) <= 0.0 {
-                return PathStart::Free;
+                return FirstHit::Other;
             }
             counts.path += 1;
             let pdf = direction.dot(at.normal).max(0.0) / PI;
@@ -301,7 +305,7 @@ impl<'a> Transport<'a> {
                         .map(|sampler| sampler.pdf(at.origin, at.normal, direction));
                     let share = sky_density.map_or(1.0, |density| balance_heuristic(pdf, density));
                     lights.add_from_outside(direction, beta * share, out, hit_light.as_deref_mut());
-                    return PathStart::Free;
+                    return FirstHit::Other;
                 };
                 let triangle = hit.triangle as usize;
                 let material = self.space.material(hit.triangle);
@@ -310,7 +314,7 @@ impl<'a> Transport<'a> {
                 let is_glass = self.space.geometry.is_glass(triangle);
                 let absorbs = is_back && !material.two_sided;
                 if absorbs && !is_glass {
-                    return if vertex == 0 { PathStart::MetBack } else { PathStart::Free };
+                    return if vertex == 0 { FirstHit::Back } else { FirstHit::Other };
                 }
                 if let Some(emission) = material.emission
                     && let Some(&Some(g)) = lights.index_of_group.get(emission.group as usize)
@@ -336,43 +340,43 @@ impl<'a> Transport<'a> {
                 match pass_or_reflect(self.space.geometry, &hit, absorbs, choice, &mut weight) {
                     GlassEvent::Passes => passed.add(&hit),
                     GlassEvent::Reflects => break (hit, is_back),
-                    GlassEvent::Ends => return PathStart::Free,
+                    GlassEvent::Ends => return FirstHit::Other,
                 }
                 panes += 1;
                 counts.path += 1;
             };
             let triangle = hit.triangle as usize;
             if self.bounces.is_some_and(|most| vertex + 1 > most) {
-                return PathStart::Free;
+                return FirstHit::Other;
             }
             // Reflected radiance is albedo ÷ π times the irradiance there.
             weight *= self.space.geometry.albedo_at(triangle, hit.barycentric);
             let arrival = Arrival { hit, is_back, weight, pdf, direction, is_first: vertex == 0 };
             if on_arrival(&arrival, out, counts) {
                 counts.cached += 1;
-                return PathStart::Free;
+                return FirstHit::Other;
             }
             if vertex + 1 >= ROULETTE_FROM {
                 let survival = weight.max_element().min(MAX_SURVIVAL);
                 if sample.number(dimension::roulette(vertex)) >= survival {
-                    return PathStart::Free;
+                    return FirstHit::Other;
                 }
                 weight /= survival;
                 if weight.max_element() > ENDLESS_WEIGHT {
                     // (Where it is dark no light grows.)
                     counts.endless += u64::from(self.is_lit_about(&at));
-                    return PathStart::Free;
+                    return FirstHit::Other;
                 }
             }
             if weight.max_element() <= 0.0 {
-                return PathStart::Free;
+                return FirstHit::Other;
             }
             let point = SurfacePoint { triangle: hit.triangle, barycentric: hit.barycentric };
-            let Some(next) = self.space.receiver_on(&point, is_back) else { return PathStart::Free };
+            let Some(next) = self.space.receiver_on(&point, is_back) else { return FirstHit::Other };
             at = next;
             self.add_direct(&at, weight, sample, vertex + 1, out, counts);
         }
-        PathStart::Free
+        FirstHit::Other
     }
 
     /// A direction in which the sky sampler found open sky, and the irradiance per unit of radiance from

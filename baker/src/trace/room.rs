@@ -18,7 +18,7 @@ impl Room {
         0.05 * size + 0.05
     }
 
-    /// Rooms of windows, by opposite corners of their boxes; boxes of one room are merged.
+    /// Rooms from boxes, each by two opposite corners. A box whose middle lies in another is merged with it.
     pub fn merged(boxes: impl IntoIterator<Item = [Vec3; 2]>) -> Vec<Room> {
         let middle = |[low, high]: [Vec3; 2]| 0.5 * (low + high);
         let holds = |[low, high]: [Vec3; 2], p: Vec3| p.cmpge(low).all() && p.cmple(high).all();

@@ -1,12 +1,11 @@
-//! What is seen decides how good light has to be: samples go by the light of the place, and errors where no
-//! eye has room count by the light beside them.
+//! Samples go by local light, and gaps without room for an eye are judged by the light at their opening.
 
 use crate::scenes::{bright_and_dim, plate_before_a_wall};
 use crate::statistics::bakes;
 use baker::bake::run::Integrator;
 
 #[test]
-fn a_dim_room_gets_as_many_samples_as_a_bright_one() {
+fn a_dim_room_is_hardly_noisier_than_a_bright_one() {
     let case = bright_and_dim();
     // Relative variance in the dim room ÷ that in the bright one.
     let ratio = |integrator| {
@@ -19,7 +18,7 @@ fn a_dim_room_gets_as_many_samples_as_a_bright_one() {
 }
 
 #[test]
-fn behind_a_plate_nobody_looks() {
+fn a_gap_behind_a_plate_is_judged_from_its_opening() {
     // In a room; and in a doll's house, where no eye has room anywhere: there each cell is judged by what is
     // seen straight from it.
     let p95 = |scale: f64| {

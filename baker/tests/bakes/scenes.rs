@@ -104,8 +104,8 @@ pub fn room() -> Case {
     Case { stage: Stage::new(&files), text: text.to_owned(), hours: "12" }
 }
 
-/// Two rooms apart, alike but for their lamps: one has a thousandth of the other's light. A plate under each
-/// lamp leaves the walls and the floor what the ceiling reflects.
+/// Two rooms apart, alike but for their lamps: one has a thousandth of the other's light. The plate under
+/// each lamp shades walls and floor: they get what the ceiling reflects.
 pub fn bright_and_dim() -> Case {
     let [floor, walls] = shell();
     let plate = Obj::default().mesh("plate").block([-0.1, 1.6, -0.8], [0.8, 0.02, 0.8]);
@@ -123,8 +123,8 @@ pub fn bright_and_dim() -> Case {
     Case { stage: Stage::new(&files), text, hours: "12" }
 }
 
-/// A lamp in a room, whose light hardly gets into the gap of 2 cm between a plate and a wall; all of it
-/// `scale` times as large.
+/// A room with a lamp, and a plate 2 cm before a wall: hardly any light gets between them. All lengths are
+/// times `scale`.
 pub fn plate_before_a_wall(scale: f64) -> Case {
     let [floor, walls] = shell();
     let plate = Obj::default().mesh("plate").block([-0.98, -0.01, -0.9], [0.02, 1.91, 1.8]);
@@ -180,8 +180,8 @@ pub fn sunlit_floor() -> Case {
     Case { stage: Stage::new(&files), text: text.to_owned(), hours: "12" }
 }
 
-/// A ceiling over a floor without texels, half of which lies under slabs: what they lie on is dark, and
-/// seen by nobody.
+/// A ceiling over a floor without texels. Slabs cover half of the floor; the floor under them is dark and
+/// unseen.
 pub fn slabs_on_a_floor() -> Case {
     let ceiling = Obj::default().mesh("ceiling").quad([-1.0, 1.0, -1.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0]);
     let mut floor = Obj::default().mesh("floor").floor([-2.0, 0.0, -2.0], 4.0, 4.0).mesh("slabs");

@@ -107,7 +107,7 @@ fn expect_chance(worst: f64, n: usize, what: &str) {
 }
 
 impl Bakes {
-    /// Variance relative to the squared mean, on average over the values whose mean is in a range.
+    /// Variance ÷ squared mean, averaged over the valid values whose mean in klx lies in `means`.
     pub fn relative_variance(&self, means: std::ops::Range<f64>) -> f64 {
         let values = (0..self.mean.len()).filter(|&i| self.valid[i] && means.contains(&self.mean[i]));
         let relative: Vec<f64> = values.map(|i| self.variance[i] / self.mean[i].powi(2)).collect();
