@@ -51,39 +51,36 @@ pub struct CellMap {
     seen: Vec<[u32; RAYS_PER_CELL]>,
 }
 
-/// What the rays from a cell meet, and whether an eye has room there.
+/// What the rays from a cell meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Seen {
-    /// Per ray, the cell it meets at [`EYE_ROOM`] or beyond; [`NO_CELL`] if none.
-    far: [u32; RAYS_PER_CELL],
-    /// Per ray, the cell it meets nearer than that; [`NO_CELL`] if none.
-    near: [u32; RAYS_PER_CELL],
-    /// Whether some ray meets anything nearer, cell or not.
-    has_near: bool,
-    /// Whether some ray meets nothing nearer.
-    has_room: bool,
+    /// Per ray, the cell it meets; [`NO_CELL`] if none.
+    cells: [u32; RAYS_PER_CELL],
+    /// Rays that meet something nearer than [`EYE_ROOM`], cell or not.
+    near: u32,
+    /// Rays that do not.
+    far: u32,
 }
 
 impl Default for Seen {
     fn default() -> Self {
-        let none = [NO_CELL; RAYS_PER_CELL];
-        Seen { far: none, near: none, has_near: false, has_room: false }
+        Seen { cells: [NO_CELL; RAYS_PER_CELL], near: 0, far: 0 }
     }
 }
 
 impl Seen {
     /// Adds what a ray meets: its distance in metres (∞: nothing), and its cell, if it has one.
     fn add(&mut self, ray: usize, (distance, cell): (f32, Option<u32>)) {
-        let is_near = distance < EYE_ROOM;
-        let cells = if is_near { &mut self.near } else { &mut self.far };
-        cells[ray] = cell.unwrap_or(NO_CELL);
-        self.has_near |= is_near;
-        self.has_room |= !is_near;
+        self.cells[ray] = cell.unwrap_or(NO_CELL);
+        match distance < EYE_ROOM {
+            true => self.near += 1,
+            false => self.far += 1,
+        }
     }
 
-    /// Whether no eye has room before the cell.
+    /// Whether an eye has no room before the cell: most rays are short. (Along a gap some are long.)
     fn is_cramped(&self) -> bool {
-        self.has_near && !self.has_room
+        self.near > self.far
     }
 }
 
@@ -93,9 +90,9 @@ impl Seen {
 /// scene of a few centimetres, a cell keeps what its own rays meet.
 fn seen_by_eyes(seen: &[Seen], beside: impl Fn(usize) -> Vec<usize>) -> Vec<[u32; RAYS_PER_CELL]> {
     let mut found: Vec<Option<[u32; RAYS_PER_CELL]>> =
-        seen.iter().map(|seen| (!seen.is_cramped()).then_some(seen.far)).collect();
+        seen.iter().map(|seen| (!seen.is_cramped()).then_some(seen.cells)).collect();
     let cramped = (0..seen.len()).filter(|&cell| found[cell].is_none());
-    let next = |cell: usize| seen[cell].near.into_iter().map(|near| near as usize).chain(beside(cell));
+    let next = |cell: usize| seen[cell].cells.into_iter().map(|met| met as usize).chain(beside(cell));
     let mut cramped: Vec<(usize, Vec<usize>)> = cramped.map(|cell| (cell, next(cell).collect())).collect();
     loop {
         let way_out = |(cell, next): &(usize, Vec<usize>)| {
@@ -108,7 +105,7 @@ fn seen_by_eyes(seen: &[Seen], beside: impl Fn(usize) -> Vec<usize>) -> Vec<[u32
         out.into_iter().for_each(|(cell, far)| found[cell] = Some(far));
         cramped.retain(|(cell, _)| found[*cell].is_none());
     }
-    found.iter().zip(seen).map(|(found, seen)| found.unwrap_or(seen.near)).collect()
+    found.iter().zip(seen).map(|(found, seen)| found.unwrap_or(seen.cells)).collect()
 }
 
 /// The cells of a page, row by row; blocks at its edges are whole.
@@ -545,30 +542,32 @@ mod tests {
 
     #[test]
     fn cells_in_a_gap_are_judged_from_its_opening() {
-        let met = |far: &[u32], near: &[u32]| {
+        let far = |cell| (2.0, Some(cell));
+        let near = |cell| (0.1, Some(cell));
+        let seen = |met: &[(f32, Option<u32>)]| {
             let mut seen = Seen::default();
-            far.iter().enumerate().for_each(|(ray, &cell)| seen.add(ray, (2.0, Some(cell))));
-            near.iter().enumerate().for_each(|(ray, &cell)| seen.add(far.len() + ray, (0.1, Some(cell))));
+            met.iter().enumerate().for_each(|(ray, met)| seen.add(ray, *met));
             seen
         };
-        // A cell in a room, one at the mouth of a gap, two inside it; one that sees nothing; two that see
-        // only each other.
         let cells = [
-            met(&[9], &[]),
-            met(&[8], &[2]),
-            met(&[], &[3, 1]),
-            met(&[], &[2]),
-            met(&[], &[]),
-            met(&[], &[6]),
-            met(&[], &[5]),
+            // In a room; at the mouth of a gap; two inside it.
+            seen(&[far(9)]),
+            seen(&[far(8), near(2), far(9)]),
+            seen(&[near(3), near(1), far(3)]),
+            seen(&[near(2)]),
+            // One that sees nothing; two that see only each other.
+            seen(&[]),
+            seen(&[near(6)]),
+            seen(&[near(5)]),
+            // Before something near without texels, beside the mouth on the page; and before the open sky.
+            seen(&[(0.1, None)]),
+            seen(&[(0.1, None), (f32::INFINITY, None)]),
         ];
-        let first = seen_by_eyes(&cells, |_| Vec::new())
-            .into_iter()
-            .map(|seen| seen.into_iter().find(|&cell| cell != NO_CELL));
-        assert_eq!(
-            first.collect::<Vec<_>>(),
-            [9, 8, 8, 8, NO_CELL, 6, 5].map(|cell| (cell != NO_CELL).then_some(cell))
-        );
+        let beside = |cell| if cell == 7 { vec![1] } else { Vec::new() };
+        let first = |seen: [u32; RAYS_PER_CELL]| seen.into_iter().find(|&cell| cell != NO_CELL);
+        let found: Vec<Option<u32>> = seen_by_eyes(&cells, beside).into_iter().map(first).collect();
+        let expected = [Some(9), Some(8), Some(8), Some(8), None, Some(6), Some(5), Some(8), None];
+        assert_eq!(found, expected);
     }
 
     #[test]

@@ -47,7 +47,7 @@ impl CachedLight<'_> {
             let means_of_cells = |light: Vec<Sums>| {
                 let mut cells = [Sums::default(); CELLS];
                 pieces.add_to_cells(&light, &mut cells);
-                cells.map(|cell| cell.mean() as f32)
+                cells.map(|cell| (cell.values > 0).then(|| cell.mean() as f32))
             };
             let light = self.light(&surface, &pieces, &distinct).into_iter().map(means_of_cells);
             Ok((surface.x0, surface.y0, light.collect::<Vec<_>>()))
@@ -57,7 +57,9 @@ impl CachedLight<'_> {
         for (k, &frame) in distinct.iter().enumerate() {
             let mut cells = vec![Sums::default(); grid.cells()];
             for (x0, y0, light) in &blocks {
-                for (cell, &light) in light[k].iter().enumerate().filter(|(_, light)| **light > 0.0) {
+                for (cell, light) in
+                    light[k].iter().enumerate().filter_map(|(cell, light)| Some((cell, (*light)?)))
+                {
                     cells[grid.of_block(*x0, *y0, cell)] =
                         Sums { values: 1, light: f64::from(light), ..Sums::default() };
                 }

@@ -8,7 +8,7 @@ use crate::trace::cache::{CacheMap, Patch};
 use crate::trace::counts::RayCounts;
 use crate::trace::path::{Arrival, FirstHit, point_pair};
 use crate::trace::sampler::{Sample, Sequence, SequenceKind};
-use crate::trace::space::Receiver;
+use crate::trace::space::{Receiver, Space, SurroundingHits};
 use crate::{Result, Rgb};
 use dataset::signals::stop_if_interrupted;
 use rayon::prelude::*;
@@ -67,14 +67,18 @@ pub fn trace(
 
 /// Paths from a patch for each sample of its direct light.
 const PATHS_A_DIRECT: usize = 4;
-/// Most points of an entry that are tried to replace those in solids; no fewer than it has paths.
+/// Points of an entry that are tried at most, where it has fewer paths and some lie in solids.
 const MOST_TRIED_POINTS: usize = 16;
 
 /// What the paths from one entry found.
 struct TracedEntry {
     entry: u32,
     source: Vec<Rgb>,
+    /// The sums of what the paths found other than path ends.
+    found: Vec<Rgb>,
     path_ends: Vec<PathEnd>,
+    /// How many paths count.
+    followed: usize,
     inverse_path_count: f32,
     counts: RayCounts,
 }
@@ -120,9 +124,14 @@ fn trace_block(
                     sample,
                 ))
             };
-            // (Texels' starts are probed: none is in a solid.)
-            let is_buried = |_: &Receiver, _: &mut RayCounts| false;
-            follow(worker, map, (group[0].0, paths), source, start, is_buried).0
+            // (Texels are probed: none of their points is in a solid.)
+            let mut traced = TracedEntry::new(group[0].0, source);
+            for i in 0..paths {
+                if let Some(start) = start(i, &mut traced.counts) {
+                    traced.follow(worker, map, start);
+                }
+            }
+            traced.finish()
         })
         .collect()
 }
@@ -139,19 +148,37 @@ fn trace_patches(
     let one = |patch: &Patch| {
         let sequence =
             Sequence::new(worker.seed, SequenceKind::Patch, patch.entry, Stream::Solver as u32 + half as u32);
-        let start = |i: usize, _: &mut RayCounts| {
+        let start = |i: usize| {
             let sample = sequence.sample(i as u32);
             let barycentric = patch.sample(point_pair(sample));
             let point = SurfacePoint { triangle: patch.triangle, barycentric };
             Some((transport.space.receiver_on(&point, patch.is_back)?, sample))
         };
-        // No path from outside arrives at a point in a solid, such as the floor under a wall. Its dark must
-        // not count in the patch's mean.
-        let is_buried = |at: &Receiver, counts: &mut RayCounts| transport.space.is_inside(at, counts);
-        let black = vec![Rgb::ZERO; lights.layers()];
-        let (mut traced, starts) = follow(worker, map, (patch.entry, paths), black, start, is_buried);
-        let direct = starts.len().div_ceil(PATHS_A_DIRECT);
-        for (at, sample) in &starts[..direct] {
+        let mut traced = TracedEntry::new(patch.entry, vec![Rgb::ZERO; lights.layers()]);
+        let (mut free, mut at_backs) = (Vec::new(), Vec::new());
+        for start in (0..paths).filter_map(start) {
+            match traced.follow(worker, map, start) {
+                FirstHit::Back => at_backs.push(start),
+                FirstHit::Other => free.push(start),
+            }
+        }
+        if !at_backs.is_empty() {
+            let space = &transport.space;
+            let buried = Buried::sort_out(space, &mut free, at_backs, &mut traced.counts);
+            for start in (paths..MOST_TRIED_POINTS).filter_map(start) {
+                if free.len() >= paths || buried.is_empty() {
+                    break;
+                }
+                if !buried.holds(space, &start.0, &mut traced.counts) {
+                    traced.follow(worker, map, start);
+                    free.push(start);
+                }
+            }
+        }
+        traced.followed = free.len();
+        let mut traced = traced.finish();
+        let direct = free.len().div_ceil(PATHS_A_DIRECT);
+        for (at, sample) in &free[..direct] {
             let weight = Rgb::splat(1.0 / direct as f32);
             transport.add_direct(at, weight, *sample, 0, &mut traced.source, &mut traced.counts);
         }
@@ -160,40 +187,81 @@ fn trace_patches(
     patches.par_iter().with_min_len(32).map(one).collect()
 }
 
-/// Traces an entry's paths from where `start` puts each. Gives what they found and the starts that count.
-/// `source` is what is known of its direct light. A start does not count where its path meets an absorbing
-/// back at once and `is_buried` holds.
-fn follow(
-    worker: &Worker,
-    map: &CacheMap,
-    (entry, paths): (u32, usize),
-    mut source: Vec<Rgb>,
-    start: impl Fn(usize, &mut RayCounts) -> Option<(Receiver, Sample)>,
-    is_buried: impl Fn(&Receiver, &mut RayCounts) -> bool,
-) -> (TracedEntry, Vec<(Receiver, Sample)>) {
-    let mut counts = RayCounts::default();
-    let (mut path_ends, mut starts) = (Vec::new(), Vec::with_capacity(paths));
-    let mut found = vec![Rgb::ZERO; source.len()];
-    let mut buried = 0;
-    for i in 0.. {
-        // Starts in solids are replaced while few points were tried.
-        if i - buried == paths || i >= paths.max(MOST_TRIED_POINTS) {
-            break;
+/// Which points of a patch no path from outside arrives at, such as those of a floor under a wall: their dark
+/// must not count in the patch's mean.
+struct Buried {
+    /// Those in closed solids.
+    in_solids: bool,
+    /// Those in bodies that may be open.
+    enclosed: bool,
+}
+
+impl Buried {
+    /// Adds to the starts of `free` paths those that met backs, if they count, and says which do not.
+    ///
+    /// From a closed solid no path gets out: its points never count. In a body that may be open, as a shed of
+    /// outer walls with a door, points count if a path from one of them got out, or if there are no others:
+    /// were only those counted whose paths got out, it would be too bright inside.
+    fn sort_out(space: &Space, free: &mut Vec<Start>, at_backs: Vec<Start>, counts: &mut RayCounts) -> Self {
+        let (mut in_solids, mut enclosed, mut others) = (false, Vec::new(), Vec::new());
+        for start in at_backs {
+            let mut known_hits = SurroundingHits::default();
+            if space.is_in_solid(&start.0, &mut known_hits, counts) {
+                in_solids = true;
+            } else if space.is_enclosed(&start.0, &mut known_hits, counts) {
+                enclosed.push(start);
+            } else {
+                others.push(start);
+            }
         }
-        let Some((at, sample)) = start(i, &mut counts) else { continue };
+        let is_open = enclosed.is_empty() || free.iter().any(|(at, _)| space.is_inside(at, counts));
+        free.extend(others);
+        if is_open || free.is_empty() {
+            free.append(&mut enclosed);
+        }
+        Buried { in_solids, enclosed: !enclosed.is_empty() }
+    }
+
+    /// Whether all points count.
+    fn is_empty(&self) -> bool {
+        !self.in_solids && !self.enclosed
+    }
+
+    fn holds(&self, space: &Space, at: &Receiver, counts: &mut RayCounts) -> bool {
+        let mut known_hits = SurroundingHits::default();
+        self.in_solids && space.is_in_solid(at, &mut known_hits, counts)
+            || self.enclosed && space.is_enclosed(at, &mut known_hits, counts)
+    }
+}
+
+/// Where a path starts, and the random numbers it takes.
+type Start = (Receiver, Sample);
+
+impl TracedEntry {
+    /// Without paths; `source` is what is known of its direct light.
+    fn new(entry: u32, source: Vec<Rgb>) -> Self {
+        let found = vec![Rgb::ZERO; source.len()];
+        let (path_ends, counts) = (Vec::new(), RayCounts::default());
+        TracedEntry { entry, source, found, path_ends, followed: 0, inverse_path_count: 0.0, counts }
+    }
+
+    /// Follows a path, and counts it.
+    fn follow(&mut self, worker: &Worker, map: &CacheMap, (at, sample): Start) -> FirstHit {
+        let path_ends = &mut self.path_ends;
         let on_arrival = |at: &Arrival, _: &mut [Rgb], counts: &mut RayCounts| {
             let entry = map.entry(&worker.transport.space, &at.hit, at.is_back, counts);
             path_ends.extend(entry.map(|entry| PathEnd { entry, weight: at.weight.to_array() }));
             entry.is_some()
         };
-        let begun = worker.transport.indirect(&at, sample, on_arrival, &mut found, None, &mut counts);
-        if begun == FirstHit::Back && is_buried(&at, &mut counts) {
-            buried += 1;
-        } else {
-            starts.push((at, sample));
-        }
+        self.followed += 1;
+        worker.transport.indirect(&at, sample, on_arrival, &mut self.found, None, &mut self.counts)
     }
-    let inverse_path_count = if starts.is_empty() { 0.0 } else { 1.0 / starts.len() as f32 };
-    source.iter_mut().zip(&found).for_each(|(s, m)| *s += *m * inverse_path_count);
-    (TracedEntry { entry, source, path_ends, inverse_path_count, counts }, starts)
+
+    /// Adds what all paths found.
+    fn finish(mut self) -> Self {
+        self.inverse_path_count = if self.followed > 0 { 1.0 / self.followed as f32 } else { 0.0 };
+        let found = self.source.iter_mut().zip(&self.found);
+        found.for_each(|(source, found)| *source += *found * self.inverse_path_count);
+        self
+    }
 }

@@ -58,7 +58,7 @@ pub struct Arrival {
 /// What a path met first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FirstHit {
-    /// An absorbing back, as from inside a solid.
+    /// An absorbing back, as from inside a solid, and no sky was sampled.
     Back,
     /// Anything else, or nothing.
     Other,
@@ -282,7 +282,8 @@ impl<'a> Transport<'a> {
             if vertex > 0 {
                 hit_light = None;
             }
-            if let Some(light) = self.sampled_sky(&at, sample, vertex, counts) {
+            let sky = self.sampled_sky(&at, sample, vertex, counts);
+            if let Some(light) = sky {
                 lights.add_from_outside(light.0, weight * light.1, out, hit_light.as_deref_mut());
             }
             // Onwards, distributed as the cosine: E = ∫ L cos θ dω is estimated by π L.
@@ -314,7 +315,7 @@ impl<'a> Transport<'a> {
                 let is_glass = self.space.geometry.is_glass(triangle);
                 let absorbs = is_back && !material.two_sided;
                 if absorbs && !is_glass {
-                    return if vertex == 0 { FirstHit::Back } else { FirstHit::Other };
+                    return if vertex == 0 && sky.is_none() { FirstHit::Back } else { FirstHit::Other };
                 }
                 if let Some(emission) = material.emission
                     && let Some(&Some(g)) = lights.index_of_group.get(emission.group as usize)

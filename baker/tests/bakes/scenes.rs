@@ -180,6 +180,31 @@ pub fn sunlit_floor() -> Case {
     Case { stage: Stage::new(&files), text: text.to_owned(), hours: "12" }
 }
 
+/// A shed of one-sided outer walls with a door, on a floor without texels; the underside of a table in it has
+/// texels. From inside, nearly all that a path meets are backs.
+pub fn shed() -> Case {
+    let mut obj = Obj::default().mesh("floor");
+    for (i, j) in (0..6).flat_map(|i| (0..6).map(move |j| (f64::from(i), f64::from(j)))) {
+        obj = obj.floor([i - 3.0, 0.0, j - 3.0], 1.0, 1.0);
+    }
+    let walls = obj
+        .mesh("walls")
+        .quad([-3.0, 2.4, 3.0], [6.0, 0.0, 0.0], [0.0, 0.0, -6.0])
+        .quad([3.0, 0.0, -3.0], [-6.0, 0.0, 0.0], [0.0, 2.4, 0.0])
+        .quad([-3.0, 0.0, -3.0], [0.0, 0.0, 6.0], [0.0, 2.4, 0.0])
+        .quad([3.0, 0.0, 3.0], [0.0, 0.0, -6.0], [0.0, 2.4, 0.0])
+        .quad([-3.0, 0.0, 3.0], [4.5, 0.0, 0.0], [0.0, 2.4, 0.0])
+        .quad([2.5, 0.0, 3.0], [0.5, 0.0, 0.0], [0.0, 2.4, 0.0])
+        .quad([1.5, 2.0, 3.0], [1.0, 0.0, 0.0], [0.0, 0.4, 0.0]);
+    let table = Obj::default().mesh("table").quad([-0.5, 0.8, -0.5], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]);
+    let text = "[sky]\nmodel = \"constant\"\nradiance = [3, 4, 5]\n\
+        [[object]]\nfile = \"table.obj\"\nalbedo = 0\n\
+        [[object]]\nfile = \"shed.obj\"\nalbedo = 0.8\nlightmap = false\n\
+        [lightmap]\nsize = 20\n";
+    let files = [("table.obj", table.bytes()), ("shed.obj", walls.bytes())];
+    Case { stage: Stage::new(&files), text: text.to_owned(), hours: "12" }
+}
+
 /// A ceiling over a floor without texels. Slabs cover half of the floor; the floor under them is dark and
 /// unseen.
 pub fn slabs_on_a_floor() -> Case {
@@ -187,7 +212,8 @@ pub fn slabs_on_a_floor() -> Case {
     let mut floor = Obj::default().mesh("floor").floor([-2.0, 0.0, -2.0], 4.0, 4.0).mesh("slabs");
     for (i, j) in (0..20).flat_map(|i| (0..20).map(move |j| (f64::from(i), f64::from(j)))) {
         let (x, z) = (0.2 * i - 1.98, 0.2 * j - 1.98);
-        floor = floor.block([x, 0.0, z], [0.14, 0.001, 0.14]);
+        let (low, size) = ([x, 0.0, z], [0.14, 0.001, 0.14]);
+        floor = floor.block(low, size).quad(low, [size[0], 0.0, 0.0], [0.0, 0.0, size[2]]);
     }
     let text = "[sun]\ndisc_angle = 20\n\
         track = [{ hour = 12, direction = [1.0, 0.8, 0.2], irradiance = [90, 80, 70] }]\n\
