@@ -119,16 +119,14 @@ fn trace_block(
             let start = |i: usize, counts: &mut RayCounts| {
                 let (_, texel) = group[i * group.len() / paths];
                 let sample = sequence.sample(i as u32);
-                Some((
-                    worker.receiver(&surface, covered[texel], sample, state.probes[texel], counts)?,
-                    sample,
-                ))
+                let at = worker.receiver(&surface, covered[texel], sample, state.probes[texel], counts)?;
+                Some(Start { number: i, at, sample })
             };
             // (Texels are probed: none of their points is in a solid.)
             let mut traced = TracedEntry::new(group[0].0, source);
             for i in 0..paths {
                 if let Some(start) = start(i, &mut traced.counts) {
-                    traced.follow(worker, map, start);
+                    traced.follow(worker, map, &start);
                 }
             }
             traced.finish()
@@ -152,12 +150,13 @@ fn trace_patches(
             let sample = sequence.sample(i as u32);
             let barycentric = patch.sample(point_pair(sample));
             let point = SurfacePoint { triangle: patch.triangle, barycentric };
-            Some((transport.space.receiver_on(&point, patch.is_back)?, sample))
+            let at = transport.space.receiver_on(&point, patch.is_back)?;
+            Some(Start { number: i, at, sample })
         };
         let mut traced = TracedEntry::new(patch.entry, vec![Rgb::ZERO; lights.layers()]);
         let (mut free, mut at_backs) = (Vec::new(), Vec::new());
         for start in (0..paths).filter_map(start) {
-            match traced.follow(worker, map, start) {
+            match traced.follow(worker, map, &start) {
                 FirstHit::Back => at_backs.push(start),
                 FirstHit::Other => free.push(start),
             }
@@ -169,16 +168,18 @@ fn trace_patches(
                 if free.len() >= paths || buried.is_empty() {
                     break;
                 }
-                if !buried.holds(space, &start.0, &mut traced.counts) {
-                    traced.follow(worker, map, start);
+                if !buried.holds(space, &start.at, &mut traced.counts) {
+                    traced.follow(worker, map, &start);
                     free.push(start);
                 }
             }
         }
         traced.followed = free.len();
         let mut traced = traced.finish();
+        // (In the order they were drawn in: what a path met must not choose where direct light is sampled.)
+        free.sort_by_key(|start| start.number);
         let direct = free.len().div_ceil(PATHS_A_DIRECT);
-        for (at, sample) in &free[..direct] {
+        for Start { at, sample, .. } in &free[..direct] {
             let weight = Rgb::splat(1.0 / direct as f32);
             transport.add_direct(at, weight, *sample, 0, &mut traced.source, &mut traced.counts);
         }
@@ -206,15 +207,15 @@ impl Buried {
         let (mut in_solids, mut enclosed, mut others) = (false, Vec::new(), Vec::new());
         for start in at_backs {
             let mut known_hits = SurroundingHits::default();
-            if space.is_in_solid(&start.0, &mut known_hits, counts) {
+            if space.is_in_solid(&start.at, &mut known_hits, counts) {
                 in_solids = true;
-            } else if space.is_enclosed(&start.0, &mut known_hits, counts) {
+            } else if space.is_enclosed(&start.at, &mut known_hits, counts) {
                 enclosed.push(start);
             } else {
                 others.push(start);
             }
         }
-        let is_open = enclosed.is_empty() || free.iter().any(|(at, _)| space.is_inside(at, counts));
+        let is_open = enclosed.is_empty() || free.iter().any(|start| space.is_inside(&start.at, counts));
         free.extend(others);
         if is_open || free.is_empty() {
             free.append(&mut enclosed);
@@ -234,8 +235,14 @@ impl Buried {
     }
 }
 
-/// Where a path starts, and the random numbers it takes.
-type Start = (Receiver, Sample);
+/// Where a path starts.
+struct Start {
+    /// Its number among those of its entry.
+    number: usize,
+    at: Receiver,
+    /// The random numbers it takes.
+    sample: Sample,
+}
 
 impl TracedEntry {
     /// Without paths; `source` is what is known of its direct light.
@@ -246,7 +253,7 @@ impl TracedEntry {
     }
 
     /// Follows a path, and counts it.
-    fn follow(&mut self, worker: &Worker, map: &CacheMap, (at, sample): Start) -> FirstHit {
+    fn follow(&mut self, worker: &Worker, map: &CacheMap, start: &Start) -> FirstHit {
         let path_ends = &mut self.path_ends;
         let on_arrival = |at: &Arrival, _: &mut [Rgb], counts: &mut RayCounts| {
             let entry = map.entry(&worker.transport.space, &at.hit, at.is_back, counts);
@@ -254,7 +261,8 @@ impl TracedEntry {
             entry.is_some()
         };
         self.followed += 1;
-        worker.transport.indirect(&at, sample, on_arrival, &mut self.found, None, &mut self.counts)
+        let (at, sample) = (&start.at, start.sample);
+        worker.transport.indirect(at, sample, on_arrival, &mut self.found, None, &mut self.counts)
     }
 
     /// Adds what all paths found.

@@ -197,7 +197,9 @@ pub fn shed() -> Case {
         .quad([2.5, 0.0, 3.0], [0.5, 0.0, 0.0], [0.0, 2.4, 0.0])
         .quad([1.5, 2.0, 3.0], [1.0, 0.0, 0.0], [0.0, 0.4, 0.0]);
     let table = Obj::default().mesh("table").quad([-0.5, 0.8, -0.5], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]);
-    let text = "[sky]\nmodel = \"constant\"\nradiance = [3, 4, 5]\n\
+    let text = "[sun]\ndisc_angle = 20\n\
+        track = [{ hour = 12, direction = [0.6, 0.5, 1.0], irradiance = [9, 8, 7] }]\n\
+        [sky]\nmodel = \"constant\"\nradiance = [3, 4, 5]\n\
         [[object]]\nfile = \"table.obj\"\nalbedo = 0\n\
         [[object]]\nfile = \"shed.obj\"\nalbedo = 0.8\nlightmap = false\n\
         [lightmap]\nsize = 20\n";
