@@ -279,7 +279,7 @@ impl LocalErrorSummary {
 }
 
 impl CellMap {
-    /// Traces [`RAYS_PER_CELL`] rays from texels spread over every cell.
+    /// Traces 16 rays from texels spread over every cell.
     pub fn find(worker: &Worker, console: &dyn Observer) -> crate::Result<(Self, RayCounts)> {
         let atlas = worker.atlas;
         let mut cell_map = CellMap::seeing_nothing(atlas);

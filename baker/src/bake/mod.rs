@@ -10,7 +10,7 @@ pub mod errors;
 pub mod allocate;
 pub mod block;
 pub mod local_errors;
-mod local_light;
+pub mod local_light;
 pub mod unconverged;
 pub mod probe;
 pub mod direct;
