@@ -1,7 +1,7 @@
 //! The light that a texel's error is relative to, read from the cache: samples are handed out by it.
 //!
 //! It is not taken from the texels' samples: a texel's own samples must not decide how many it gets
-//! ([`super::allocate`]).
+//! ([`super::allocate`]). (The cache holds its direct samples, but their number does not follow the shares.)
 
 use super::allocate::distinct;
 use super::block::Worker;

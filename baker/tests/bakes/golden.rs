@@ -177,7 +177,7 @@ fn what_lies_under_a_slab_does_not_darken_a_floor_without_texels() {
 
 #[test]
 fn a_floor_without_texels_in_an_open_shed_is_as_bright_as_it_is() {
-    same_mean(&shed(), "shed", 16 * REFERENCE);
+    same_mean(&shed(), "shed", 4 * REFERENCE);
 }
 
 /// The cache gives the mean light that paths do; its texels may differ.
