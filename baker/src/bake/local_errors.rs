@@ -364,27 +364,22 @@ impl CellMap {
     /// The up to four cells next to a cell on the page whose adjoining texels lie on the same chart as its
     /// own.
     fn beside(&self, atlas: &Atlas, cell: usize) -> Vec<usize> {
-        let (x, y) = (cell % self.grid.columns, cell / self.grid.columns);
-        let chart = |cell: (usize, usize), (dx, dy): (usize, usize)| {
-            let (x, y) = (cell.0 * CELL + dx, cell.1 * CELL + dy);
-            if x < atlas.width as usize && y < atlas.height as usize { self.owners.of(x, y) } else { None }
-        };
-        const LAST: usize = CELL - 1;
-        let shares = |other: (usize, usize)| {
-            (0..CELL).any(|i| {
-                let (own, others) = match (other.0 as isize - x as isize, other.1 as isize - y as isize) {
-                    (-1, _) => ((0, i), (LAST, i)),
-                    (1, _) => ((LAST, i), (0, i)),
-                    (_, -1) => ((i, 0), (i, LAST)),
-                    _ => ((i, LAST), (i, 0)),
-                };
-                let chart_of = chart((x, y), own);
-                chart_of.is_some() && chart_of == chart(other, others)
+        let (x, y) = (cell % self.grid.columns * CELL, cell / self.grid.columns * CELL);
+        let is_on_page = |x: usize, y: usize| x < atlas.width as usize && y < atlas.height as usize;
+        let chart = |x: usize, y: usize| if is_on_page(x, y) { self.owners.of(x, y) } else { None };
+        let next = |(dx, dy): (isize, isize)| {
+            let along = |step: isize, i: usize| match step {
+                -1 => 0,
+                1 => CELL - 1,
+                _ => i,
+            };
+            (0..CELL).find_map(|i| {
+                let (x, y) = (x + along(dx, i), y + along(dy, i));
+                let other = (x.checked_add_signed(dx)?, y.checked_add_signed(dy)?);
+                (chart(x, y)? == chart(other.0, other.1)?).then(|| self.grid.at(other.0, other.1))
             })
         };
-        let around = [(x.wrapping_sub(1), y), (x + 1, y), (x, y.wrapping_sub(1)), (x, y + 1)];
-        let inside = around.into_iter().filter(|(x, y)| *x < self.grid.columns && *y < self.grid.rows);
-        inside.filter(|other| shares(*other)).map(|(x, y)| y * self.grid.columns + x).collect()
+        [(-1, 0), (1, 0), (0, -1), (0, 1)].into_iter().filter_map(next).collect()
     }
 
     /// The grid of the cells.
@@ -395,6 +390,13 @@ impl CellMap {
     /// The chart of a texel, if it is of one alone.
     pub fn chart_of(&self, x: usize, y: usize) -> Option<u32> {
         self.owners.of(x, y)
+    }
+
+    /// What tells the piece of a texel of a block: its cell of the block, and its chart if it is of one
+    /// alone.
+    pub fn piece_of(&self, surface: &BlockSurface, in_block: usize) -> (usize, Option<u32>) {
+        let (x, y) = (surface.x0 + in_block % surface.width, surface.y0 + in_block / surface.width);
+        (cell_of(surface, in_block), self.chart_of(x, y))
     }
 
     /// Per cell of a frame, the least light in klx that errors are relative to: by the median of its own and
@@ -464,8 +466,7 @@ pub fn of_block(
         if a.iter().chain(&b).all(|v| *v == Rgb::ZERO) {
             continue;
         }
-        let (x, y) = (surface.x0 + in_block % surface.width, surface.y0 + in_block / surface.width);
-        counted.push((cell_of(surface, in_block), cell_map.chart_of(x, y)));
+        counted.push(cell_map.piece_of(surface, in_block));
         for (parts, light) in frames.iter().zip(&mut light) {
             let sum = |half: &[Rgb]| parts.iter().map(|&(l, scale)| half[l] * scale).sum::<Rgb>();
             let (a, b) = (sum(&a), sum(&b));

@@ -57,11 +57,11 @@ impl CachedLight<'_> {
         for (k, &frame) in distinct.iter().enumerate() {
             let mut cells = vec![Sums::default(); grid.cells()];
             for (x0, y0, light) in &blocks {
-                for (cell, light) in
-                    light[k].iter().enumerate().filter_map(|(cell, light)| Some((cell, (*light)?)))
-                {
-                    cells[grid.of_block(*x0, *y0, cell)] =
-                        Sums { values: 1, light: f64::from(light), ..Sums::default() };
+                for (cell, light) in light[k].iter().enumerate() {
+                    if let Some(light) = light {
+                        cells[grid.of_block(*x0, *y0, cell)] =
+                            Sums { values: 1, light: f64::from(*light), ..Sums::default() };
+                    }
                 }
             }
             floors[frame] = self.cell_map.floors(&cells).into_iter().map(|floor| floor as f32).collect();
@@ -85,11 +85,7 @@ impl CachedLight<'_> {
     }
 
     fn pieces(&self, surface: &BlockSurface) -> Pieces {
-        let piece = |in_block: usize| {
-            let (x, y) = (surface.x0 + in_block % surface.width, surface.y0 + in_block / surface.width);
-            (cell_of(surface, in_block), self.cell_map.chart_of(x, y))
-        };
-        Pieces::new(surface.covered().map(piece))
+        Pieces::new(surface.covered().map(|in_block| self.cell_map.piece_of(surface, in_block)))
     }
 
     /// Per frame, the sums of each piece of a block: light alone. Texels without a cache entry do not count.

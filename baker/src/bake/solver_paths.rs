@@ -77,8 +77,6 @@ struct TracedEntry {
     /// The sums of what the paths found other than path ends.
     found: Vec<Rgb>,
     path_ends: Vec<PathEnd>,
-    /// How many paths count.
-    followed: usize,
     inverse_path_count: f32,
     counts: RayCounts,
 }
@@ -124,12 +122,14 @@ fn trace_block(
             };
             // (Texels are probed: none of their points is in a solid.)
             let mut traced = TracedEntry::new(group[0].0, source);
+            let mut followed = 0;
             for i in 0..paths {
                 if let Some(start) = start(i, &mut traced.counts) {
                     traced.follow(worker, map, &start);
+                    followed += 1;
                 }
             }
-            traced.finish()
+            traced.finish(followed)
         })
         .collect()
 }
@@ -174,8 +174,7 @@ fn trace_patches(
                 }
             }
         }
-        traced.followed = free.len();
-        let mut traced = traced.finish();
+        let mut traced = traced.finish(free.len());
         // (In the order they were drawn in: what a path met must not choose where direct light is sampled.)
         free.sort_by_key(|start| start.number);
         let direct = free.len().div_ceil(PATHS_A_DIRECT);
@@ -249,10 +248,10 @@ impl TracedEntry {
     fn new(entry: u32, source: Vec<Rgb>) -> Self {
         let found = vec![Rgb::ZERO; source.len()];
         let (path_ends, counts) = (Vec::new(), RayCounts::default());
-        TracedEntry { entry, source, found, path_ends, followed: 0, inverse_path_count: 0.0, counts }
+        TracedEntry { entry, source, found, path_ends, inverse_path_count: 0.0, counts }
     }
 
-    /// Follows a path, and counts it.
+    /// Follows a path.
     fn follow(&mut self, worker: &Worker, map: &CacheMap, start: &Start) -> FirstHit {
         let path_ends = &mut self.path_ends;
         let on_arrival = |at: &Arrival, _: &mut [Rgb], counts: &mut RayCounts| {
@@ -260,16 +259,15 @@ impl TracedEntry {
             path_ends.extend(entry.map(|entry| PathEnd { entry, weight: at.weight.to_array() }));
             entry.is_some()
         };
-        self.followed += 1;
         let (at, sample) = (&start.at, start.sample);
         worker.transport.indirect(at, sample, on_arrival, &mut self.found, None, &mut self.counts)
     }
 
-    /// Adds what all paths found.
-    fn finish(mut self) -> Self {
-        self.inverse_path_count = if self.followed > 0 { 1.0 / self.followed as f32 } else { 0.0 };
-        let found = self.source.iter_mut().zip(&self.found);
-        found.for_each(|(source, found)| *source += *found * self.inverse_path_count);
+    /// Adds what the paths found, where so many count.
+    fn finish(mut self, paths: usize) -> Self {
+        self.inverse_path_count = if paths > 0 { 1.0 / paths as f32 } else { 0.0 };
+        let found = self.source.iter_mut().zip(std::mem::take(&mut self.found));
+        found.for_each(|(source, found)| *source += found * self.inverse_path_count);
         self
     }
 }

@@ -182,7 +182,10 @@ impl Tracer<'_> {
                 return Ok(None);
             };
             (history.cache, is_solved) = (solved.cache, solved.is_kept);
-            history.floors = self.cached_light(&history).map(|cached| cached.floors()).transpose()?;
+            // (The first round needs none.)
+            if schedule.len() > 1 {
+                history.floors = self.cached_light(&history).map(|cached| cached.floors()).transpose()?;
+            }
         }
         if traced.resumed > 0 {
             console.say(format!("continuing after {} of an earlier run", count(traced.resumed, "round")));
