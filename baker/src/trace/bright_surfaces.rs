@@ -178,8 +178,7 @@ impl BrightSurfaces {
             return None;
         }
         counts.bright_surface += 1;
-        // The ray must not be stopped by the very surface it looks for.
-        let reach = space.ray_tracer.distance_before(at.origin, direction, distance, triangle);
+        let reach = space.ray_tracer.distance_to(at.origin, direction, distance, triangle);
         let through = space.ray_tracer.transmittance(at.origin, direction, reach, at.triangle);
         if through == Rgb::ZERO {
             return None;

@@ -105,6 +105,15 @@ const ROBUST: f32 = 8.0 * 0.5 * f32::EPSILON;
 /// Direction components below this count as zero, in all tests alike: their reciprocal would overflow.
 const TINY: f32 = 1e-30;
 
+/// How far occluders are looked for.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Reach {
+    /// Hits from here on do not count.
+    pub t_max: f32,
+    /// From here on every hit is asked about; before, only those on triangles marked [`CUT_OUT`].
+    pub ask_from: f32,
+}
+
 impl Line {
     /// `None` where nothing can be hit: a direction that is zero, or a number that is not finite.
     #[inline]

@@ -4,7 +4,7 @@
 
 #[cfg(target_arch = "x86_64")]
 use super::bvh8::Tier;
-use super::bvh8::{Bvh8, Line};
+use super::bvh8::{Bvh8, Line, Reach};
 use super::kernel;
 #[cfg(target_arch = "x86_64")]
 use super::lanes_x86;
@@ -29,22 +29,23 @@ impl Bvh8 {
         }
     }
 
-    /// Whether there is any hit with 0 < t < `t_max`.
+    /// Whether there is any hit with 0 < t < `reach.t_max`. `is_open` is asked about triangles marked
+    /// [`CUT_OUT`], and from `reach.ask_from` on about all.
     #[inline]
     pub(super) fn occluded(
         &self,
         line: &Line,
-        t_max: f32,
+        reach: Reach,
         from: u32,
         is_open: &dyn Fn(u32, &TriangleHit) -> bool,
     ) -> bool {
         match self.tier {
             // SAFETY: as in `nearest`.
             #[cfg(target_arch = "x86_64")]
-            Tier::Avx512 => unsafe { lanes_x86::occluded_avx512(self, line, t_max, from, is_open) },
+            Tier::Avx512 => unsafe { lanes_x86::occluded_avx512(self, line, reach, from, is_open) },
             #[cfg(target_arch = "x86_64")]
-            Tier::Avx2 => unsafe { lanes_x86::occluded_avx2(self, line, t_max, from, is_open) },
-            _ => kernel::occluded::<super::lanes::Portable>(self, line, t_max, from, is_open),
+            Tier::Avx2 => unsafe { lanes_x86::occluded_avx2(self, line, reach, from, is_open) },
+            _ => kernel::occluded::<super::lanes::Portable>(self, line, reach, from, is_open),
         }
     }
 }

@@ -6,6 +6,7 @@
 //! bytes past the crate's struct. The structs here have the layout of 4.3 and newer, which older versions of
 //! 4 fill in part.
 
+use super::light_point::LightPoint;
 use super::triangle::Hit;
 use crate::geometry::Geometry;
 use crate::{Error, Result};
@@ -55,6 +56,8 @@ struct Context<'a> {
     instance: [u32; 2],
     from: u32,
     t_max: f32,
+    /// What it touches does not count.
+    end: Option<LightPoint>,
     geometry: &'a Geometry,
     /// Asked about hits on glass.
     passes: &'a dyn Fn(&Hit) -> bool,
@@ -180,7 +183,7 @@ impl<'a> Scene<'a> {
         from: u32,
         passes: &dyn Fn(&Hit) -> bool,
     ) -> Option<Hit> {
-        let mut context = self.context(from, f32::INFINITY, passes);
+        let mut context = self.context(from, f32::INFINITY, None, passes);
         let mut arguments = arguments(&mut context);
         let end = RayEnd {
             normal: [0.0; 3],
@@ -204,10 +207,11 @@ impl<'a> Scene<'a> {
         origin: Vec3,
         direction: Vec3,
         t_max: f32,
+        end: Option<LightPoint>,
         from: u32,
         passes: &dyn Fn(&Hit) -> bool,
     ) -> bool {
-        let mut context = self.context(from, t_max, passes);
+        let mut context = self.context(from, t_max, end, passes);
         let mut arguments = arguments(&mut context);
         let mut query = ray(origin, direction, t_max);
         // SAFETY: as in `nearest`.
@@ -215,8 +219,14 @@ impl<'a> Scene<'a> {
         query.t_far == f32::NEG_INFINITY
     }
 
-    fn context<'c>(&'c self, from: u32, t_max: f32, passes: &'c dyn Fn(&Hit) -> bool) -> Context<'c> {
-        Context { instance: [NONE; 2], from, t_max, geometry: self.geometry, passes }
+    fn context<'c>(
+        &'c self,
+        from: u32,
+        t_max: f32,
+        end: Option<LightPoint>,
+        passes: &'c dyn Fn(&Hit) -> bool,
+    ) -> Context<'c> {
+        Context { instance: [NONE; 2], from, t_max, end, geometry: self.geometry, passes }
     }
 }
 
@@ -269,8 +279,8 @@ fn arguments(context: &mut Context) -> Arguments {
     }
 }
 
-/// Refuses hits on the triangle the ray starts on, at the origin or the far end, where a cut-out is open, and
-/// where glass passes.
+/// Refuses hits on the triangle the ray starts on, at the origin or the far end, on what the light at the
+/// far end touches, where a cut-out is open, and where glass passes.
 unsafe extern "C" fn filter(arguments: *const FilterArguments) {
     // SAFETY: Embree hands over a query of one ray, with the context of `arguments`.
     unsafe {
@@ -282,6 +292,9 @@ unsafe extern "C" fn filter(arguments: *const FilterArguments) {
         let counts = hit.triangle != context.from
             && ray.t_far > 0.0
             && ray.t_far < context.t_max
+            && !context.end.as_ref().is_some_and(|end| {
+                ray.t_far >= end.ask_from() && end.touches(context.geometry, hit.triangle)
+            })
             && context.geometry.is_solid_at(triangle, barycentric)
             && !(context.geometry.is_glass(triangle)
                 && (context.geometry.is_of_neighbour(triangle, barycentric)

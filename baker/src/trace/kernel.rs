@@ -5,7 +5,7 @@
 //! read. A debug build checks. Everything is `inline(always)`, so that it is compiled for the features of the
 //! function that calls it.
 
-use super::bvh8::{Bvh8, CUT_OUT, LEAF, Line, Node, Packet, STACK};
+use super::bvh8::{Bvh8, CUT_OUT, LEAF, Line, Node, Packet, Reach, STACK};
 use super::lanes::Lanes;
 use super::triangle::TriangleHit;
 use glam::Vec3;
@@ -271,12 +271,12 @@ pub(super) fn nearest<L: Lanes>(
     best
 }
 
-/// Whether a triangle of the packet is hit with 0 < t < `t_max`.
+/// Whether a triangle of the packet is hit with 0 < t < `reach.t_max`.
 #[inline(always)]
 fn is_blocked_by<L: Lanes>(
     packet: &Packet,
     line: &Line,
-    t_max: f32,
+    reach: Reach,
     from: u32,
     is_open: &dyn Fn(u32, &TriangleHit) -> bool,
 ) -> bool {
@@ -290,8 +290,9 @@ fn is_blocked_by<L: Lanes>(
         if triangle == from {
             continue;
         }
-        if let Some(triangle_hit) = line.exact.intersect(&corners(packet, lane), f64::from(t_max))
-            && (marked & CUT_OUT == 0 || !is_open(triangle, &triangle_hit))
+        if let Some(triangle_hit) = line.exact.intersect(&corners(packet, lane), f64::from(reach.t_max))
+            && (marked & CUT_OUT == 0 && triangle_hit.t < f64::from(reach.ask_from)
+                || !is_open(triangle, &triangle_hit))
         {
             return true;
         }
@@ -299,12 +300,12 @@ fn is_blocked_by<L: Lanes>(
     false
 }
 
-/// Whether there is any hit with 0 < t < `t_max`.
+/// Whether there is any hit with 0 < t < `reach.t_max`.
 #[inline(always)]
 pub(super) fn occluded<L: Lanes>(
     bvh: &Bvh8,
     line: &Line,
-    t_max: f32,
+    reach: Reach,
     from: u32,
     is_open: &dyn Fn(u32, &TriangleHit) -> bool,
 ) -> bool {
@@ -318,14 +319,14 @@ pub(super) fn occluded<L: Lanes>(
         if child & LEAF != 0 {
             // SAFETY: the builder's numbers exist.
             let packet = unsafe { bvh.packets.get_unchecked((child & !LEAF) as usize) };
-            if is_blocked_by::<L>(packet, line, t_max, from, is_open) {
+            if is_blocked_by::<L>(packet, line, reach, from, is_open) {
                 return true;
             }
             continue;
         }
         // SAFETY: the builder's numbers exist.
         let node = unsafe { bvh.nodes.get_unchecked(child as usize) };
-        let (mut hits, _) = rays.boxes(line, node, t_max);
+        let (mut hits, _) = rays.boxes(line, node, reach.t_max);
         while hits != 0 {
             // SAFETY: as above.
             stack.push(u64::from(unsafe { *node.children.get_unchecked(hits.trailing_zeros() as usize) }));

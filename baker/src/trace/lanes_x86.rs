@@ -5,7 +5,7 @@
 //! the end inline. They are `unsafe` to call, and [`super::bvh8_traversal`] calls each only with the tier
 //! that `Tier::detect` found.
 
-use super::bvh8::{Bvh8, Line};
+use super::bvh8::{Bvh8, Line, Reach};
 use super::kernel;
 use super::lanes::Lanes;
 use super::triangle::TriangleHit;
@@ -92,11 +92,11 @@ pub unsafe fn nearest_avx2(
 pub unsafe fn occluded_avx2(
     bvh: &Bvh8,
     line: &Line,
-    t_max: f32,
+    reach: Reach,
     from: u32,
     is_open: &dyn Fn(u32, &TriangleHit) -> bool,
 ) -> bool {
-    kernel::occluded::<Avx>(bvh, line, t_max, from, is_open)
+    kernel::occluded::<Avx>(bvh, line, reach, from, is_open)
 }
 
 /// [`kernel::nearest`] for AVX-512VL: the same operations, with twice the registers and mask registers.
@@ -121,9 +121,9 @@ pub unsafe fn nearest_avx512(
 pub unsafe fn occluded_avx512(
     bvh: &Bvh8,
     line: &Line,
-    t_max: f32,
+    reach: Reach,
     from: u32,
     is_open: &dyn Fn(u32, &TriangleHit) -> bool,
 ) -> bool {
-    kernel::occluded::<Avx>(bvh, line, t_max, from, is_open)
+    kernel::occluded::<Avx>(bvh, line, reach, from, is_open)
 }

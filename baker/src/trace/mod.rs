@@ -14,6 +14,7 @@ mod bvh8_traversal;
 mod bvh8_box;
 mod bvh8_build;
 pub mod backend;
+mod light_point;
 #[cfg(feature = "embree")]
 mod embree;
 pub mod ray_tracer;
@@ -22,6 +23,7 @@ pub mod light_subset;
 pub mod lights;
 pub mod counts;
 pub mod space;
+mod flush;
 pub mod clear;
 mod pane;
 pub mod visibility_sampler;

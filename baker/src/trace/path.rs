@@ -7,6 +7,7 @@
 //! are both sampled and met, weighted by the balance heuristic (Veach & Guibas 1995).
 
 use super::counts::RayCounts;
+use super::flush::FlushEmitters;
 use super::light_subset::{FEW_GROUPS, SystematicSampler};
 use super::lights::{GroupLight, Lights, SunSample};
 use super::pane::{GlassEvent, pass_or_reflect};
@@ -36,6 +37,7 @@ pub struct Transport<'a> {
     pub lights: &'a Lights,
     /// Most reflections, `None` for no limit.
     pub(super) bounces: Option<u32>,
+    flush: FlushEmitters,
 }
 
 /// A path arriving at a surface.
@@ -108,7 +110,8 @@ pub fn sun_sample(sample: Sample) -> SunSample {
 impl<'a> Transport<'a> {
     /// Light in a scene; `bounces`: most reflections, `None` for no limit.
     pub fn new(space: Space<'a>, lights: &'a Lights, bounces: Option<u32>) -> Self {
-        Transport { space, lights, bounces }
+        let flush = FlushEmitters::new(&space, lights);
+        Transport { space, lights, bounces, flush }
     }
 
     /// One sample of the light that comes straight from a sampled light (suns, then groups) as irradiance;
@@ -207,10 +210,9 @@ impl<'a> Transport<'a> {
             _ => s.irradiance,
         };
         counts.lamp += 1;
-        // A ray to an emissive triangle must not be stopped by that very triangle.
         let distance = match s.emitter {
             Some((triangle, _)) => {
-                self.space.ray_tracer.distance_before(at.origin, s.direction, s.distance, triangle)
+                self.space.ray_tracer.distance_to(at.origin, s.direction, s.distance, triangle)
             }
             None => s.distance,
         };
@@ -314,26 +316,22 @@ impl<'a> Transport<'a> {
                 let is_back = front.dot(direction) > 0.0;
                 let is_glass = self.space.geometry.is_glass(triangle);
                 let absorbs = is_back && !material.two_sided;
-                if absorbs && !is_glass {
-                    return if vertex == 0 && sky.is_none() { FirstHit::Back } else { FirstHit::Other };
-                }
-                if let Some(emission) = material.emission
-                    && let Some(&Some(g)) = lights.index_of_group.get(emission.group as usize)
-                    && !absorbs
-                {
-                    let group = &lights.groups[g];
-                    let mut radiance = group.emission[self.space.geometry.material_of[triangle] as usize];
-                    if emission.map.is_some() {
-                        radiance *= self.space.geometry.emission_map_at(triangle, hit.barycentric);
+                let mut add_emission = |hit: &Hit| {
+                    self.add_emission(&at, direction, pdf, hit, beta, out, hit_light.as_deref_mut());
+                };
+                if !is_glass {
+                    for emitter in self.flush.of(hit.triangle) {
+                        self.space
+                            .ray_tracer
+                            .hit_on(at.origin, direction, emitter)
+                            .iter()
+                            .for_each(&mut add_emission);
                     }
-                    let sampler = &group.sampler;
-                    let sampled = sampler.emitter_pdf(at.origin, at.normal, hit.triangle, direction, hit.t);
-                    let light = beta * radiance * balance_heuristic(pdf, sampled);
-                    match (&mut hit_light, lights.hit_index_of_group.get(g)) {
-                        (Some(hit_light), Some(&Some(index))) => hit_light[index] += light,
-                        _ => out[lights.group_layer(g)] += light,
+                    if absorbs {
+                        return if vertex == 0 && sky.is_none() { FirstHit::Back } else { FirstHit::Other };
                     }
                 }
+                add_emission(&hit);
                 if !is_glass {
                     break (hit, is_back);
                 }
@@ -378,6 +376,40 @@ impl<'a> Transport<'a> {
             self.add_direct(&at, weight, sample, vertex + 1, out, counts);
         }
         FirstHit::Other
+    }
+
+    /// Adds what a surface that a path meets emits towards it. `pdf` is the density with which the path goes
+    /// in the direction, `beta` what it brings per unit of radiance.
+    #[expect(clippy::too_many_arguments, reason = "the state of a path")]
+    fn add_emission(
+        &self,
+        at: &Receiver,
+        direction: Vec3,
+        pdf: f32,
+        hit: &Hit,
+        beta: Rgb,
+        out: &mut [Rgb],
+        hit_light: Option<&mut [Rgb]>,
+    ) {
+        let (lights, geometry) = (self.lights, self.space.geometry);
+        let material = self.space.material(hit.triangle);
+        let Some(emission) = material.emission else { return };
+        let Some(&Some(g)) = lights.index_of_group.get(emission.group as usize) else { return };
+        if self.space.front(hit.triangle).dot(direction) > 0.0 && !material.two_sided {
+            return;
+        }
+        let group = &lights.groups[g];
+        let triangle = hit.triangle as usize;
+        let mut radiance = group.emission[geometry.material_of[triangle] as usize];
+        if emission.map.is_some() {
+            radiance *= geometry.emission_map_at(triangle, hit.barycentric);
+        }
+        let sampled = group.sampler.emitter_pdf(at.origin, at.normal, hit.triangle, direction, hit.t);
+        let light = beta * radiance * balance_heuristic(pdf, sampled);
+        match (hit_light, lights.hit_index_of_group.get(g)) {
+            (Some(hit_light), Some(&Some(index))) => hit_light[index] += light,
+            _ => out[lights.group_layer(g)] += light,
+        }
     }
 
     /// A direction in which the sky sampler found open sky, and the irradiance per unit of radiance from

@@ -6,9 +6,10 @@
 //! without glass all of these are the plain queries.
 
 use super::backend::Backend;
-use super::bvh8::{Bvh8, Line};
+use super::bvh8::{Bvh8, Line, Reach};
 #[cfg(feature = "embree")]
 use super::embree;
+use super::light_point::LightPoint;
 use super::triangle::{Hit, TriangleHit};
 use crate::geometry::{BLOCKED_BELOW, Geometry};
 use crate::{Result, Rgb};
@@ -89,25 +90,33 @@ impl<'a> RayTracer<'a> {
     #[inline]
     pub fn occluded(&self, origin: Vec3, direction: Vec3, t_max: f32, from: u32) -> bool {
         if !self.geometry.has_glass() {
-            return self.occluded_unless(origin, direction, t_max, from, &|_| false);
+            return self.occluded_unless(origin, direction, t_max, None, from, &|_| false);
         }
-        self.occluded_unless(origin, direction, t_max, from, &|hit| self.is_glass(hit))
+        self.occluded_unless(origin, direction, t_max, None, from, &|hit| self.is_glass(hit))
     }
 
     /// Per channel, how much of the light from the point at distance `t_max` along the unit `direction`
     /// arrives at `origin`: 1 where nothing stands between, the product over all glass that does, 0 behind
-    /// anything else.
+    /// anything else. What that point touches ([`super::light_point`]) does not stand between.
     #[inline]
     pub fn transmittance(&self, origin: Vec3, direction: Vec3, t_max: f32, from: u32) -> Rgb {
+        let end = t_max.is_finite().then(|| LightPoint::new(origin, direction, t_max));
         if !self.geometry.has_glass() {
-            let is_blocked = self.occluded_unless(origin, direction, t_max, from, &|_| false);
+            let is_blocked = self.occluded_unless(origin, direction, t_max, end, from, &|_| false);
             return if is_blocked { Rgb::ZERO } else { Rgb::ONE };
         }
-        self.transmittance_of_glass(origin, direction, t_max, from)
+        self.transmittance_of_glass(origin, direction, t_max, end, from)
     }
 
     #[cold]
-    fn transmittance_of_glass(&self, origin: Vec3, direction: Vec3, t_max: f32, from: u32) -> Rgb {
+    fn transmittance_of_glass(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        t_max: f32,
+        end: Option<LightPoint>,
+        from: u32,
+    ) -> Rgb {
         let left = Cell::new(Rgb::ONE);
         // All that the ray meets is asked about in turn, in an order that is a function of the ray and the
         // hierarchy.
@@ -118,7 +127,11 @@ impl<'a> RayTracer<'a> {
                 left.get().max_element() >= BLOCKED_BELOW
             }
         };
-        if self.occluded_unless(origin, direction, t_max, from, &passes) { Rgb::ZERO } else { left.get() }
+        if self.occluded_unless(origin, direction, t_max, end, from, &passes) {
+            Rgb::ZERO
+        } else {
+            left.get()
+        }
     }
 
     fn is_glass(&self, hit: &Hit) -> bool {
@@ -146,22 +159,29 @@ impl<'a> RayTracer<'a> {
         }
     }
 
-    /// Whether a hit that does not pass stands before `t_max`; `passes` is asked about glass alone.
+    /// Whether a hit that does not pass stands before `t_max`; `passes` is asked about glass alone. What
+    /// `end` touches does not count.
     #[inline]
     fn occluded_unless(
         &self,
         origin: Vec3,
         direction: Vec3,
         t_max: f32,
+        end: Option<LightPoint>,
         from: u32,
         passes: &dyn Fn(&Hit) -> bool,
     ) -> bool {
         match &self.hierarchy {
             Hierarchy::Own(bvh, _) => Line::new(origin, direction).is_some_and(|line| {
-                bvh.occluded(&line, t_max, from, &|t, m| self.is_open(&hit_of(t, m), passes))
+                let ask_from = end.as_ref().map_or(f32::INFINITY, LightPoint::ask_from);
+                bvh.occluded(&line, Reach { t_max, ask_from }, from, &|t, m| {
+                    let hit = hit_of(t, m);
+                    let touches = |end: &LightPoint| hit.t >= ask_from && end.touches(self.geometry, t);
+                    end.as_ref().is_some_and(touches) || self.is_open(&hit, passes)
+                })
             }),
             #[cfg(feature = "embree")]
-            Hierarchy::Embree(scene) => scene.occluded(origin, direction, t_max, from, passes),
+            Hierarchy::Embree(scene) => scene.occluded(origin, direction, t_max, end, from, passes),
         }
     }
 
@@ -176,17 +196,13 @@ impl<'a> RayTracer<'a> {
                 .is_some_and(|line| line.exact.intersect(&corners, f64::from(t_max)).is_some())
     }
 
-    /// How far along a ray light from a point of a triangle, about `distance` away, must pass unhindered: to
-    /// just before the triangle, so that it does not stand in its own light and nothing that stands close in
-    /// front of it is missed.
+    /// How far along a ray a triangle is met, about `distance` away.
     #[inline]
-    pub fn distance_before(&self, origin: Vec3, direction: Vec3, distance: f32, triangle: u32) -> f32 {
-        /// What rounding may move a neighbour of the same plane, as a part of the distance.
-        const ROUNDING: f32 = 4e-6;
+    pub fn distance_to(&self, origin: Vec3, direction: Vec3, distance: f32, triangle: u32) -> f32 {
         let corners = self.geometry.corners(triangle as usize);
         let triangle_hit =
             Line::new(origin, direction).and_then(|line| line.exact.intersect(&corners, f64::INFINITY));
-        triangle_hit.map_or(distance, |triangle_hit| triangle_hit.t as f32) * (1.0 - ROUNDING)
+        triangle_hit.map_or(distance, |triangle_hit| triangle_hit.t as f32)
     }
 
     /// Whether `stands` holds for a triangle (its index and corners) whose box meets the one from `low` to
@@ -197,6 +213,23 @@ impl<'a> RayTracer<'a> {
             #[cfg(feature = "embree")]
             Hierarchy::Embree(_) => true,
         }
+    }
+
+    /// Our own hierarchy: with Embree, built for this call.
+    pub(super) fn own_hierarchy(&self) -> Arc<Bvh8> {
+        match &self.hierarchy {
+            Hierarchy::Own(bvh, _) => bvh.clone(),
+            #[cfg(feature = "embree")]
+            Hierarchy::Embree(_) => Arc::new(Bvh8::new(self.geometry)),
+        }
+    }
+
+    /// Where a ray meets one triangle, be it the nearest or not; `None` also where that is cut out.
+    pub(super) fn hit_on(&self, origin: Vec3, direction: Vec3, triangle: u32) -> Option<Hit> {
+        let corners = self.geometry.corners(triangle as usize);
+        let triangle_hit = Line::new(origin, direction)?.exact.intersect(&corners, f64::INFINITY)?;
+        let hit = hit_of(triangle, &triangle_hit);
+        self.geometry.is_solid_at(triangle as usize, hit.barycentric).then_some(hit)
     }
 
     #[cold]
