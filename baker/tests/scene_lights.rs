@@ -59,7 +59,7 @@ fn lamps_and_cameras_of_a_file_are_listed() {
     fs::write(&path, asset(nodes, lights, json!([{}])).to_string()).unwrap();
     let contents = geometry::contents(&path).unwrap();
     let [spot, bulb, sun] = &contents.lamps[..] else { panic!("{:?}", contents.lamps) };
-    assert_eq!((spot.name.as_str(), &spot.parents[..]), ("lantern", &["post".to_owned()][..]));
+    assert_eq!((spot.name.as_str(), &spot.names[..]), ("lantern", &["lantern".to_owned()][..]));
     assert_eq!(spot.kind, FileLampKind::Spot { inner: f64::from(0.2f32), outer: f64::from(0.4f32) });
     assert!((spot.position(&DMat4::IDENTITY) - DVec3::new(1.0, 4.0, 3.0)).length() < 1e-6);
     assert!((spot.direction(&DMat4::IDENTITY).unwrap() - DVec3::NEG_Y).length() < 1e-6);

@@ -146,6 +146,27 @@ fn texels_show_where_they_lie() {
 }
 
 #[test]
+fn what_moves_is_not_drawn() {
+    for (shelf, above, is_drawn) in [
+        (json!(null), json!(null), true),
+        (json!(true), json!(null), false),
+        (json!(null), json!(true), false),
+        (json!(false), json!(true), true),
+    ] {
+        let mut root = floor_and_shelf();
+        root["nodes"][1]["extras"] = json!({ "movable": shelf });
+        root["nodes"]
+            .as_array_mut()
+            .unwrap()
+            .push(json!({ "children": [1], "extras": { "movable": above } }));
+        root["scenes"][0]["nodes"] = json!([0, 2]);
+        let view = view(&root, camera([0.0, 2.0, 0.0], [0.0; 3])).unwrap().unwrap();
+        // The shelf hides texels of the floor.
+        assert_eq!(view.with_texels()[3 * PIXELS + 12], if is_drawn { 0.0 } else { 1.0 }, "{shelf} {above}");
+    }
+}
+
+#[test]
 fn what_reaches_behind_the_camera_is_cut_off() {
     // Half a metre above the floor's middle, level: the horizon is the middle row, and its edge lies a metre
     // ahead.

@@ -52,16 +52,17 @@ def read(path: pathlib.Path) -> Scene:
 
     soups = {True: [], False: []}
     materials = root.get("materials", []) + [GREY]
-    stack = [(n, numpy.eye(4)) for n in reversed(root["scenes"][root.get("scene", 0)]["nodes"])]
+    stack = [(n, numpy.eye(4), False) for n in reversed(root["scenes"][root.get("scene", 0)]["nodes"])]
     while stack:
-        index, parent = stack.pop()
+        index, parent, moves = stack.pop()
         node = root["nodes"][index]
         matrix = parent @ local(node)
-        stack += [(n, matrix) for n in reversed(node.get("children", []))]
-        if "mesh" not in node:
+        extras = node.get("extras", {})
+        moves = extras.get("movable", moves)
+        stack += [(n, matrix, moves) for n in reversed(node.get("children", []))]
+        if "mesh" not in node or moves:  # (What moves is not baked.)
             continue
         flip = numpy.linalg.det(matrix[:3, :3]) < 0
-        extras = node.get("extras", {})
         lit = "lightmapPage" in extras
         for primitive in root["meshes"][node["mesh"]]["primitives"]:
             attributes = primitive["attributes"]

@@ -246,6 +246,16 @@ pub fn build_from(
     hidden: &[u32],
     kept: &dyn Unwraps,
 ) -> Result<Atlas> {
+    if !geometry.instances.iter().any(|instance| instance.lightmap) {
+        return Err(Error::invalid(
+            "lightmap",
+            format!(
+                "nothing to bake, because all {} have `lightmap = false` or are glass that reflects nothing; leave it out of an [[object]], or \
+                 write an [[object.part]] with `lightmap = true` for what is to get texels",
+                count(geometry.instances.len(), "instance")
+            ),
+        ));
+    }
     if lightmap.uv == UvSource::Keep {
         return keep::build(geometry, lightmap);
     }

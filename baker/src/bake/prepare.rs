@@ -226,6 +226,7 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &dyn Observer) -> 
         scene.rooms = rooms(&scene.portals, &geometry, &ray_tracer);
     }
     let mut plan = Plan::new(&scene, &geometry, &hours, options.extra_times);
+    plan.skipped.extend(geometry.originals.left_out());
     let visibility_times = visibility_times(&scene, &hours, &mut plan.skipped)?;
     let integrator = match (options.integrator, scene.bake.bounces) {
         (Integrator::Cached, Some(most)) => {

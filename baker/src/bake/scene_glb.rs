@@ -3,22 +3,24 @@
 //!
 //! It is the scene's files put together: their nodes, names, transforms, materials, cameras, lights and
 //! extras as they are. `primitive` writes vertices, `carry` what goes over (`emission_glb` and `glass_glb`
-//! what the scene file changed), `transform` where files stand, `container` the bytes.
+//! what the scene file changed), `motion` what moves, `transform` where files stand, `container` the bytes.
 
 mod container;
 mod emission_glb;
 mod glass_glb;
 mod carry;
+mod motion;
 mod primitive;
 mod transform;
 
 use crate::atlas::{Atlas, Face, Placement};
-use crate::geometry::{File, Geometry, Source};
+use crate::geometry::{File, Geometry, Placed, Source};
 use crate::{Error, Result};
 use carry::{Carried, MaterialKey, asset};
 use container::Glb;
 use dataset::config::Instance;
 use glam::{DAffine3, DVec3, Vec2};
+use motion::{Deformed, Motion};
 use primitive::{Layout, Own};
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, BTreeSet};
@@ -27,7 +29,7 @@ use std::collections::{BTreeMap, BTreeSet};
 pub const NAME: &str = "scene.glb";
 
 /// Changes whenever the same scene would give another file.
-pub const VERSION: &str = "scene-glb-2";
+pub const VERSION: &str = "scene-glb-3";
 
 /// Files that stand further from zero than this, in metres, are placed about a point near them: readers in
 /// single precision then lose nothing.
@@ -47,7 +49,8 @@ pub struct Written {
 /// its `extras` where they lie: page coordinates = `lightmapScale` × TEXCOORD_1 + `lightmapOffset`, on page
 /// `lightmapPage`. Nodes whose meshes share a layout, or have no texels, share a mesh. Where the parts of a
 /// mesh lie at several places of that kind, or a node has instances, these are children of its name.
-/// Animations, skins and morph targets are left out.
+/// What moves keeps its animations, skins and morph targets; those of everything else are left out. Nodes
+/// below which it moves have `movable` in their extras.
 ///
 /// # Errors
 /// [`Error::Unsupported`] where it would be larger than a GLB can be.
@@ -57,6 +60,7 @@ pub fn to_glb(geometry: &Geometry, atlas: &Atlas) -> Result<Written> {
         atlas,
         out: Glb::default(),
         carried: Carried::default(),
+        motion: Motion::default(),
         nodes: Vec::new(),
         meshes: Vec::new(),
         primitives: BTreeMap::new(),
@@ -70,6 +74,8 @@ pub fn to_glb(geometry: &Geometry, atlas: &Atlas) -> Result<Written> {
 enum Part {
     /// All of it, without texels.
     Plain,
+    /// All of it with what deforms it, without texels.
+    Deformed(Deformed),
     /// All of it, in a layout of the atlas.
     Shared(u32),
     /// All of an instance of the geometry, in page coordinates.
@@ -81,11 +87,22 @@ enum Part {
 /// A primitive: of which file and mesh, which part, of which material.
 type Key = (usize, usize, Part, Option<MaterialKey>);
 
+/// A primitive that a node shows.
+#[derive(Clone, Copy)]
+struct Piece {
+    /// Of what it is a part, by its number among the sources.
+    source: usize,
+    /// Where it has texels.
+    place: Option<Placement>,
+    key: Key,
+}
+
 struct Writer<'a> {
     geometry: &'a Geometry,
     atlas: &'a Atlas,
     out: Glb,
     carried: Carried,
+    motion: Motion,
     nodes: Vec<Map<String, Value>>,
     meshes: Vec<Value>,
     primitives: BTreeMap<Key, Value>,
@@ -95,28 +112,28 @@ struct Writer<'a> {
 impl Writer<'_> {
     fn write(mut self) -> Result<Written> {
         let originals = &self.geometry.originals;
-        if originals.sources.len() != self.geometry.instances.len() {
-            let what = format!(
-                "{} instances of {} in files",
-                originals.sources.len(),
-                self.geometry.instances.len()
-            );
-            return Err(Error::invalid("scene.glb", what));
+        let is_baked = |source: &&Source| matches!(source.placed, Placed::Baked(_));
+        let (baked, instances) =
+            (originals.sources.iter().filter(is_baked).count(), self.geometry.instances.len());
+        if baked != instances {
+            return Err(Error::invalid("scene.glb", format!("{baked} instances of {instances} in files")));
         }
         let far = originals.objects.iter().map(|object| object.world_from_file.w_axis.truncate());
         // A number of whole metres, which single precision holds.
         let base = far.clone().find(|at| at.abs().max_element() > FAR);
         let base = base.map_or(DVec3::ZERO, |at| at.round().as_vec3().as_dvec3());
-        let mut instances = (0..self.geometry.instances.len()).peekable();
+        let mut placed = (0..originals.sources.len()).peekable();
         let mut roots = Vec::new();
         for number in 0..originals.objects.len() {
-            let root = self.object(number, base, &mut instances)?;
+            let root = self.object(number, base, &mut placed)?;
             roots.push(root);
         }
         if base != DVec3::ZERO {
             let node = json!({ "name": "scene", "translation": base.to_array(), "children": roots });
             roots = vec![self.push(node.as_object().cloned().unwrap_or_default())];
         }
+        self.mark(&roots);
+        self.animate();
         self.finish(&roots)
     }
 
@@ -132,16 +149,16 @@ impl Writer<'_> {
         children.as_array_mut().into_iter().for_each(|list| list.push(json!(child)));
     }
 
-    /// A placed file; gives the node that stands for it. `instances` are those of the geometry that are yet
-    /// to be written.
+    /// A placed file; gives the node that stands for it. `placed` is what is yet to be written of the scene's
+    /// meshes.
     fn object(
         &mut self,
         number: usize,
         base: DVec3,
-        instances: &mut std::iter::Peekable<std::ops::Range<usize>>,
+        placed: &mut std::iter::Peekable<std::ops::Range<usize>>,
     ) -> Result<usize> {
         let geometry = self.geometry;
-        let object = geometry.originals.objects[number];
+        let object = &geometry.originals.objects[number];
         let file = &geometry.originals.files[object.file];
         let mut place = DAffine3::from_mat4(object.world_from_file);
         place.translation -= base;
@@ -156,26 +173,26 @@ impl Writer<'_> {
             }
         }
         // The file's own nodes, in its order.
-        let mut new_from_old = BTreeMap::new();
         if let Some(asset) = &file.gltf {
             if let Some(extras) = asset.scene.get("extras") {
                 self.nodes[inner].insert("extras".into(), extras.clone());
             }
             for &old in &asset.nodes {
                 let mut node = self.carried.node(object.file, old, asset);
-                remove_lightmap_extras(&mut node);
+                remove_own_extras(&mut node);
                 let new = self.push(node);
-                new_from_old.insert(old, new);
+                self.motion.nodes.insert((number, old), new);
             }
+            let new_from_old = |old: usize| self.motion.nodes.get(&(number, old)).copied();
+            let mut pairs = Vec::new();
             for &old in &asset.nodes {
                 for child in asset.root["nodes"][old]["children"].as_array().into_iter().flatten() {
-                    let child = child.as_u64().and_then(|child| new_from_old.get(&(child as usize)));
-                    child.copied().into_iter().for_each(|child| self.adopt(new_from_old[&old], child));
+                    let child = child.as_u64().and_then(|child| new_from_old(child as usize));
+                    pairs.extend(new_from_old(old).zip(child));
                 }
             }
-            for old in &asset.roots {
-                new_from_old.get(old).copied().into_iter().for_each(|child| self.adopt(inner, child));
-            }
+            pairs.extend(asset.roots.iter().filter_map(|&old| Some((inner, new_from_old(old)?))));
+            pairs.into_iter().for_each(|(parent, child)| self.adopt(parent, child));
         }
         // What stands at one node, or as one of its instances, is written together.
         let sources = &geometry.originals.sources;
@@ -186,17 +203,17 @@ impl Writer<'_> {
                 source.node.is_none().then_some(source.mesh),
             )
         };
-        while let Some(first) = instances.next_if(|&i| sources[i].object == number) {
+        while let Some(first) = placed.next_if(|&i| sources[i].object == number) {
             let mut all = vec![first];
             while let Some(i) =
-                instances.next_if(|&i| sources[i].object == number && of(&sources[i]) == of(&sources[first]))
+                placed.next_if(|&i| sources[i].object == number && of(&sources[i]) == of(&sources[first]))
             {
                 all.push(i);
             }
             let node = match (sources[first].node, sources[first].repeat) {
-                (Some(old), None) => new_from_old[&old],
+                (Some(old), None) => self.motion.nodes[&(number, old)],
                 (Some(old), Some((_, node_from_instance))) => {
-                    let parent = new_from_old[&old];
+                    let parent = self.motion.nodes[&(number, old)];
                     self.child(parent, &DAffine3::from_mat4(node_from_instance))
                 }
                 (None, _) => {
@@ -232,58 +249,72 @@ impl Writer<'_> {
         at
     }
 
-    /// Lets a node show some instances of the geometry: as one mesh, or as children where their places
-    /// differ.
-    fn show(&mut self, node: usize, instances: &[usize]) -> Result<()> {
-        let mut pieces: Vec<(Option<Placement>, Key)> = Vec::new();
-        for &i in instances {
-            let placements = &self.atlas.placements[i];
-            let keys = self.keys(i);
+    /// Lets a node show some of the scene's meshes: as one mesh, or as children where their places differ, or
+    /// some move.
+    fn show(&mut self, node: usize, sources: &[usize]) -> Result<()> {
+        let mut pieces: Vec<Piece> = Vec::new();
+        for &source in sources {
+            let placements = match self.geometry.originals.sources[source].placed {
+                Placed::Baked(i) => &self.atlas.placements[i][..],
+                Placed::Movable(_) => &[],
+            };
             let places = placements.iter().copied().map(Some);
             let places = if placements.is_empty() { vec![None] } else { places.collect() };
-            pieces.extend(places.into_iter().zip(keys));
+            let keys = self.keys(source).into_iter().zip(places);
+            pieces.extend(keys.map(|(key, place)| Piece { source, place, key }));
         }
-        let said = |place: &Option<Placement>| {
-            place.map(|p| (p.page, p.scale.map(f32::to_bits), p.offset.map(f32::to_bits)))
+        let said = |piece: &Piece| {
+            let place = piece.place.map(|p| (p.page, p.scale.map(f32::to_bits), p.offset.map(f32::to_bits)));
+            (place, self.moves(piece.source))
         };
-        if pieces.windows(2).all(|pair| said(&pair[0].0) == said(&pair[1].0)) {
-            let Some((place, _)) = pieces.first().cloned() else { return Ok(()) };
-            let keys: Vec<Key> = pieces.into_iter().map(|(_, key)| key).collect();
-            return self.fill(node, place, keys);
+        if pieces.windows(2).all(|pair| said(&pair[0]) == said(&pair[1])) {
+            return self.fill(node, &pieces);
         }
-        for (place, key) in pieces {
+        for piece in pieces {
             let child = self.child(node, &DAffine3::IDENTITY);
-            self.fill(child, place, vec![key])?;
+            self.fill(child, &[piece])?;
         }
         Ok(())
     }
 
-    /// Gives a node its mesh and its place on the page.
-    fn fill(&mut self, node: usize, place: Option<Placement>, keys: Vec<Key>) -> Result<()> {
-        let mesh = self.mesh(keys)?;
-        let node = &mut self.nodes[node];
-        node.insert("mesh".into(), json!(mesh));
+    /// Whether a source moves.
+    fn moves(&self, source: usize) -> bool {
+        matches!(self.geometry.originals.sources[source].placed, Placed::Movable(_))
+    }
+
+    /// Gives a node its mesh and its place on the page, or what moves it.
+    fn fill(&mut self, node: usize, pieces: &[Piece]) -> Result<()> {
+        let Some(&Piece { source, place, key: (_, _, part, _) }) = pieces.first() else { return Ok(()) };
+        let mesh = self.mesh(pieces.iter().map(|piece| piece.key).collect())?;
+        self.nodes[node].insert("mesh".into(), json!(mesh));
         if let Some(Placement { page, scale, offset, .. }) = place {
-            let extras = node.entry("extras").or_insert_with(|| json!({}));
-            if !extras.is_object() {
-                *extras = json!({ "extras": extras.take() });
-            }
+            let extras = extras(&mut self.nodes[node]);
             extras["lightmapScale"] = json!(scale);
             extras["lightmapOffset"] = json!(offset);
             extras["lightmapPage"] = json!(page);
         }
+        self.note(node, self.moves(source));
+        if let Part::Deformed(deformed) = part {
+            let source = self.geometry.originals.sources[source];
+            self.deform(node, &source, deformed);
+        }
         Ok(())
     }
 
-    /// The primitives that show an instance, one for each of its places, or one if it has none.
-    fn keys(&self, i: usize) -> Vec<Key> {
+    /// The primitives that show a source, one for each of its places, or one if it has none.
+    fn keys(&self, source: usize) -> Vec<Key> {
         let geometry = self.geometry;
-        let (source, instance) = (&geometry.originals.sources[i], &geometry.instances[i]);
+        let source = &geometry.originals.sources[source];
         let file = geometry.originals.objects[source.object].file;
-        let material_index = geometry.material_of[instance.triangles.start];
+        let (material_index, placements, is_movable) = match source.placed {
+            Placed::Baked(i) => {
+                let triangle = geometry.instances[i].triangles.start;
+                (geometry.material_of[triangle], &self.atlas.placements[i][..], false)
+            }
+            Placed::Movable(material) => (material, &[][..], true),
+        };
         let mesh = &geometry.originals.files[file].meshes[source.mesh];
         let of = (file, mesh.material);
-        let placements = &self.atlas.placements[i];
         let is_laid = !placements.is_empty();
         let material = match mesh.primitive {
             None => Some(MaterialKey {
@@ -293,6 +324,7 @@ impl Writer<'_> {
                 emission: Some(material_index),
                 is_recoloured: source.changed.colour,
                 moved: None,
+                is_movable,
             }),
             Some((number, primitive)) => {
                 let root = &asset(geometry, file).root;
@@ -318,15 +350,20 @@ impl Writer<'_> {
                         emission,
                         is_recoloured: changed.colour,
                         moved,
+                        // (Without a change it is the file's for either.)
+                        is_movable: is_movable && (material_index.is_some() || emission.is_some()),
                     },
                 )
             }
         };
         let key = |part| (file, source.mesh, part, material);
+        let Placed::Baked(instance) = source.placed else {
+            return vec![key(self.deformed(source).map_or(Part::Plain, Part::Deformed))];
+        };
         let part = |(n, placement): (usize, &Placement)| match placement.layout {
             Some(layout) => Part::Shared(layout),
-            None if placements.len() == 1 => Part::Whole(i),
-            None => Part::OnPage { instance: i, page: placement.page, is_first: n == 0 },
+            None if placements.len() == 1 => Part::Whole(instance),
+            None => Part::OnPage { instance, page: placement.page, is_first: n == 0 },
         };
         match is_laid {
             false => vec![key(Part::Plain)],
@@ -341,7 +378,7 @@ impl Writer<'_> {
         }
         let primitives: Vec<Value> = keys.iter().map(|&key| self.primitive(key)).collect::<Result<_>>()?;
         let mut json = Map::new();
-        if let Some(&(file, number, ..)) = keys.first() {
+        if let Some(&(file, number, part, _)) = keys.first() {
             let mesh = &self.geometry.originals.files[file].meshes[number];
             if !mesh.name.is_empty() {
                 json.insert("name".into(), json!(mesh.name));
@@ -350,6 +387,10 @@ impl Writer<'_> {
                 mesh.primitive.and_then(|(number, _)| asset(self.geometry, file).root["meshes"].get(number));
             if let Some(extras) = original.and_then(|original| original.get("extras")) {
                 json.insert("extras".into(), extras.clone());
+            }
+            let weights = original.and_then(|original| original.get("weights"));
+            if let (Part::Deformed(_), Some(weights)) = (part, weights) {
+                json.insert("weights".into(), weights.clone());
             }
         }
         json.insert("primitives".into(), json!(primitives));
@@ -372,6 +413,9 @@ impl Writer<'_> {
         };
         let out = &mut self.out;
         let mut json = match part {
+            Part::Deformed(deformed) => {
+                self.deformed_primitive(file, mesh.primitive.unwrap_or_default(), deformed, own.is_recoloured)
+            }
             Part::Plain => primitive::write(mesh, all, None, own, out),
             Part::Shared(layout) => {
                 let layout = &self.atlas.layouts[layout as usize];
@@ -438,6 +482,9 @@ impl Writer<'_> {
             "bufferViews": self.out.views,
             "buffers": [{ "byteLength": self.out.binary.len() }],
         });
+        for (key, list) in self.take_lists() {
+            root[key] = json!(list);
+        }
         if let Some(extensions) = extensions {
             root["extensions"] = extensions;
         }
@@ -467,10 +514,20 @@ fn instance_of(node: &Map<String, Value>) -> Option<Instance> {
     Some(Instance { name, page, scale: pair("lightmapScale")?, offset: pair("lightmapOffset")? })
 }
 
-/// Takes out of a node what it told of an earlier lightmap.
-fn remove_lightmap_extras(node: &mut Map<String, Value>) {
+/// The extras of a node, made an object.
+fn extras(node: &mut Map<String, Value>) -> &mut Value {
+    let extras = node.entry("extras").or_insert_with(|| json!({}));
+    if !extras.is_object() {
+        *extras = json!({ "extras": extras.take() });
+    }
+    extras
+}
+
+/// Takes out of a node what it told of an earlier lightmap, and of what moves.
+fn remove_own_extras(node: &mut Map<String, Value>) {
     let Some(extras) = node.get_mut("extras").and_then(Value::as_object_mut) else { return };
     ["lightmapScale", "lightmapOffset", "lightmapPage"].iter().for_each(|key| drop(extras.remove(*key)));
+    motion::remove_extras(extras);
     if extras.is_empty() {
         node.remove("extras");
     }

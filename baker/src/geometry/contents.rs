@@ -8,8 +8,10 @@ use glam::{DMat4, DVec3};
 pub struct FileLamp {
     /// The node's name, else the light's, else `lamp N`.
     pub name: String,
-    /// Names of the nodes above it, nearest first.
-    pub parents: Vec<String>,
+    /// The names of its node and its light; where both are empty, its own.
+    pub names: Vec<String>,
+    /// Its node's place in the tree of its file.
+    pub(super) node: usize,
     /// Its kind.
     pub kind: FileLampKind,
     /// Linear Rec. 709.

@@ -14,11 +14,13 @@ const DISC_ANGLE: f64 = 0.533;
 /// Candela per kilocandela, lux per kilolux.
 const KILO: f64 = 1000.0;
 
-/// Places the lamps of all files in the world. `model_of` has the index of each object's model.
+/// Places the lamps of all files in the world, but those that move. `model_of` has the index of each object's
+/// model, and `moving` whether each of its lamps moves.
 pub(super) fn lamps(
     scene: &Scene,
     models: &[(String, Model)],
     model_of: &[Option<usize>],
+    moving: &[Vec<bool>],
     groups: &mut Groups,
     notes: &mut Notes,
 ) -> Lamps {
@@ -28,10 +30,15 @@ pub(super) fn lamps(
     }
     let taken: Vec<DVec3> = scene.groups.iter().flat_map(|g| &g.lamps).map(middle).collect();
     let mut suns: Vec<FileSun> = Vec::new();
-    for (object, model) in scene.objects.iter().zip(model_of) {
+    for ((object, model), moving) in scene.objects.iter().zip(model_of).zip(moving) {
         let Some(model) = model.map(|index| &models[index].1) else { continue };
         let file = object.file.display().to_string();
-        for lamp in &model.contents.lamps {
+        for (lamp, moves) in model.contents.lamps.iter().zip(moving) {
+            let names = model.names_of_lamp(lamp);
+            if *moves {
+                groups.leave_out(&names, None);
+                continue;
+            }
             let light = lamp.colour * (lamp.intensity / KILO * scene.lights.scale);
             if light.max_element() <= 0.0 {
                 notes.add(&file, "lamp", &lamp.name, "gives no light: its colour or its intensity is 0");
@@ -85,8 +92,6 @@ pub(super) fn lamps(
                         Lamp::Spot { position, direction, inner, outer, intensity: light }
                     }
                 };
-                let names: Vec<&str> =
-                    [&lamp.name].into_iter().chain(&lamp.parents).map(String::as_str).collect();
                 found.lamps.push((groups.of(&names), made));
             }
         }

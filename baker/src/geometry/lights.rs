@@ -2,8 +2,9 @@
 
 use super::Emission;
 use super::model::FileMaterial;
+use super::names::{Names, fits};
+use super::near;
 use super::notes;
-use super::overrides::fits;
 use super::texture::TextureStore;
 use crate::scene::{Baked, Group, Lamp, Scene, Sun, SurfaceOverrides};
 use glam::DVec3;
@@ -14,6 +15,8 @@ use std::path::Path;
 const MOST_GROUPS: usize = 16;
 /// Name of the group of all that the scene file does not name, where it has that group or there is too much.
 const REST: &str = "file";
+/// What has no name is called so.
+const UNNAMED: &str = "unnamed";
 /// The brightest light, in kcd or klx.
 pub(super) const BRIGHTEST: f64 = 1e12;
 
@@ -55,6 +58,8 @@ pub(super) struct Groups<'a> {
     is_black: Vec<bool>,
     /// Materials that emit in groups of their own: file and number in it.
     glowing: BTreeSet<(std::path::PathBuf, usize)>,
+    /// Per group of the scene, what would belong to it if it did not move.
+    moving: Vec<Vec<String>>,
 }
 
 /// The lamps of all files in the world, and the sun.
@@ -76,6 +81,7 @@ impl<'a> Groups<'a> {
             scene,
             new: Vec::new(),
             unused_reason: vec![None; is_used.len()],
+            moving: vec![Vec::new(); is_used.len()],
             is_used,
             names: BTreeSet::new(),
             is_black,
@@ -85,15 +91,10 @@ impl<'a> Groups<'a> {
 
     /// The group of something with these names, the first of which is its own, by the first that a group of
     /// the scene file has or lists; else a group of its own name.
-    pub fn of(&mut self, names: &[&str]) -> u32 {
-        let own = names.first().copied().unwrap_or("unnamed");
+    pub fn of(&mut self, names: &Names) -> u32 {
+        let own = names.first().unwrap_or(UNNAMED);
         self.names.insert(own.to_owned());
-        let of_scene = |name: &&str| {
-            let by_name = self.scene.groups.iter().position(|group| group.name == *name);
-            let lists = || self.scene.lights.names.iter().find(|(pattern, _)| fits(pattern, name));
-            by_name.or_else(|| lists().map(|(_, group)| *group))
-        };
-        let group = names.iter().find_map(of_scene).or_else(|| of_scene(&REST));
+        let group = self.of_scene(names).or_else(|| self.of_scene_by(REST));
         if let Some(group) = group {
             self.give(group, names);
             return group as u32;
@@ -105,53 +106,98 @@ impl<'a> Groups<'a> {
         (self.scene.groups.len() + at) as u32
     }
 
+    /// The group of the scene that has or lists the nearest name.
+    fn of_scene(&self, names: &Names) -> Option<usize> {
+        names.iter().find_map(|name| self.of_scene_by(name))
+    }
+
+    /// The group of the scene that has or lists a name.
+    fn of_scene_by(&self, name: &str) -> Option<usize> {
+        let by_name = self.scene.groups.iter().position(|group| group.name == name);
+        let lists = || self.scene.lights.names.iter().find(|(pattern, _)| fits(pattern, name));
+        by_name.or_else(|| lists().map(|(_, group)| *group))
+    }
+
+    /// Notes something that would shine if it did not move, in the group `by_overrides` or that of its names.
+    pub fn leave_out(&mut self, names: &Names, by_overrides: Option<usize>) {
+        if let Some(group) = by_overrides.or_else(|| self.of_scene(names)) {
+            let name = names.first().unwrap_or(UNNAMED).to_owned();
+            if !self.moving[group].contains(&name) {
+                self.moving[group].push(name);
+            }
+        }
+    }
+
     /// Notes that a group of the scene has something with these names, and that others do not which list it.
-    fn give(&mut self, group: usize, names: &[&str]) {
+    fn give(&mut self, group: usize, names: &Names) {
         self.is_used[group] = true;
         for (pattern, other) in &self.scene.lights.names {
-            if *other != group && names.iter().any(|name| fits(pattern, name)) {
+            if *other != group && names.fit(pattern) {
                 self.unused_reason[*other].get_or_insert((pattern, group));
             }
         }
     }
 
-    /// What a material of a file emits under overrides: what they say, else what the file says. `named` are
-    /// the names of node, mesh and material that are not empty; `place` is the material's file and its number
-    /// there.
-    pub fn emission(
-        &mut self,
-        overrides: &SurfaceOverrides,
-        material: &FileMaterial,
-        named: &[&str],
-        place: (&Path, usize),
-    ) -> Option<Emission> {
-        let group_of = |name: &String| self.scene.groups.iter().position(|group| group.name == *name);
-        let by_overrides = overrides.group.as_ref().and_then(group_of);
+    /// What a material of a file emits under overrides, in no group yet: what they say, else what the file
+    /// says.
+    fn shining(&self, overrides: &SurfaceOverrides, material: &FileMaterial) -> Option<Emission> {
+        let group = u32::MAX;
         if let Some(radiance) = overrides.emission {
-            let group = by_overrides? as u32;
             return Some(Emission { radiance: radiance.as_vec3(), group, map: None });
         }
         let emission = material.emission.filter(|_| self.scene.lights.from_file)?;
         let radiance = emission.value.as_dvec3() * self.scene.lights.emission;
         let is_black = emission.texture.is_some_and(|map| self.is_black[map as usize]);
-        if is_black || radiance.max_element() <= 0.0 {
-            return None;
+        let radiance = radiance.min(DVec3::splat(BRIGHTEST)).as_vec3();
+        let shines = !is_black && radiance.max_element() > 0.0;
+        shines.then_some(Emission { radiance, group, map: emission.texture })
+    }
+
+    /// The group of the scene that overrides name.
+    fn by_overrides(&self, overrides: &SurfaceOverrides) -> Option<usize> {
+        let name = overrides.group.as_ref()?;
+        self.scene.groups.iter().position(|group| group.name == *name)
+    }
+
+    /// What a material that moves would emit: for the geometry file alone.
+    pub fn emission_left_out(
+        &mut self,
+        overrides: &SurfaceOverrides,
+        material: &FileMaterial,
+        names: &Names,
+    ) -> Option<Emission> {
+        let emission = self.shining(overrides, material)?;
+        if emission.radiance.max_element() > 0.0 {
+            self.leave_out(names, self.by_overrides(overrides));
         }
-        let own = (!material.name.is_empty()).then_some(material.name.as_str());
-        let mut names: Vec<&str> = own.into_iter().chain(named.iter().copied()).collect();
-        names.dedup();
+        Some(emission)
+    }
+
+    /// What a material of a file emits under overrides: what they say, else what the file says. `place` is
+    /// the material's file and its number there.
+    pub fn emission(
+        &mut self,
+        overrides: &SurfaceOverrides,
+        material: &FileMaterial,
+        names: &Names,
+        place: (&Path, usize),
+    ) -> Option<Emission> {
+        let emission = self.shining(overrides, material)?;
+        let by_overrides = self.by_overrides(overrides);
+        if overrides.emission.is_some() {
+            return Some(Emission { group: by_overrides? as u32, ..emission });
+        }
         let group = match by_overrides {
             Some(group) => {
-                self.give(group, &names);
+                self.give(group, names);
                 group as u32
             }
-            None => self.of(&names),
+            None => self.of(names),
         };
         if group as usize >= self.scene.groups.len() {
             self.glowing.insert((place.0.to_owned(), place.1));
         }
-        let radiance = radiance.min(DVec3::splat(BRIGHTEST)).as_vec3();
-        Some(Emission { radiance, group, map: emission.texture })
+        Some(Emission { group, ..emission })
     }
 
     /// The lights of the files, told in `warnings`; and the group that all emission of later groups belongs
@@ -162,7 +208,7 @@ impl<'a> Groups<'a> {
         lamps: Lamps,
         warnings: &mut Vec<String>,
     ) -> (FileLights, Option<u32>) {
-        let Groups { mut new, is_used, unused_reason, names, glowing, .. } = self;
+        let Groups { mut new, is_used, unused_reason, names, glowing, moving, .. } = self;
         let first = scene.groups.len();
         let of_files = |n: usize, noun: &str| (n > 0).then(|| notes::plural(n, noun));
         let free = lamps.lamps.iter().filter(|(group, _)| *group as usize >= first).count();
@@ -191,14 +237,28 @@ impl<'a> Groups<'a> {
                 new.iter().map(|name| format!("{name:?}")).collect::<Vec<_>>().join(", ")
             ));
         }
+        for (group, names) in scene.groups.iter().zip(&moving).filter(|(_, names)| !names.is_empty()) {
+            warnings.push(format!(
+                "light group {:?} has no light of what moves ({}): it is not baked, and the game has to add it; `movable = false` bakes it where it stands",
+                group.name,
+                notes::list(names, names.len())
+            ));
+        }
         let names: Vec<String> = names.into_iter().collect();
-        for ((group, is_used), unused_reason) in scene.groups.iter().zip(is_used).zip(unused_reason) {
+        for (number, ((group, is_used), unused_reason)) in
+            scene.groups.iter().zip(is_used).zip(unused_reason).enumerate()
+        {
             let all_overrides =
                 scene.objects.iter().flat_map(|o| o.parts.iter().map(|p| &p.overrides).chain([&o.overrides]));
             let shines = |overrides: &SurfaceOverrides| {
                 overrides.emission.is_some() && overrides.group.as_ref() == Some(&group.name)
             };
-            if group.lamps.is_empty() && !is_used && !all_overrides.into_iter().any(shines) {
+            let has_moving = !moving[number].is_empty();
+            if group.lamps.is_empty() && !is_used && !has_moving && !all_overrides.into_iter().any(shines) {
+                let lists = scene.lights.names.iter().filter(|(_, of)| *of == number);
+                let lists: Vec<&str> =
+                    lists.map(|(pattern, _)| pattern.as_str()).chain([group.name.as_str()]).collect();
+                let near = near::nearest(&lists, names.iter().map(String::as_str));
                 let have = match unused_reason {
                     Some((pattern, other)) => format!(
                         "what fits `lights = [{pattern:?}]` belongs to group {:?}; of groups that list the same, the first has it, so a group \
@@ -206,9 +266,10 @@ impl<'a> Groups<'a> {
                         scene.groups[other].name
                     ),
                     None if names.is_empty() => "nothing of the files shines".to_owned(),
-                    None => {
+                    None if near.is_empty() => {
                         format!("what shines in the files is called {}", notes::list(&names, names.len()))
                     }
+                    None => format!("near to its names shine {}", notes::list(&near, near.len())),
                 };
                 warnings.push(format!("group \"{}\" has no lamp and no emission ({have})", group.name));
             }

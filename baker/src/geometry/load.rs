@@ -2,16 +2,20 @@
 
 use super::lamps::lamps;
 use super::lights::Groups;
-use super::model::{DEFAULT_ALBEDO, Mesh, Model};
+use super::model::{Mesh, Model};
+use super::motion::index;
+use super::movable::{LeftOut, lamps_that_move, moving};
+use super::near::unmatched;
 use super::notes::{self, Notes};
-use super::originals::{self, Changed, File, Source};
-use super::overrides::{MaterialStore, resolve, unmatched};
+use super::originals::{self, File};
+use super::place::{Placed, Store, count, everything_moves, place, sources};
 use super::texture::TextureStore;
-use super::{Geometry, Instance, LightmapPlace, gltf, obj};
+use super::{Geometry, Instance, gltf, obj};
 use crate::scene::{Object, Scene};
 use dataset::{Error, Result};
-use glam::{DAffine3, DMat3, DMat4, DVec3, Vec2, Vec3, Vec4};
-use std::collections::{BTreeMap, BTreeSet};
+use glam::{DAffine3, DMat3, DVec3, Vec2, Vec3, Vec4};
+use serde_json::Value;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Most metres across: beyond any scene, and squares of lengths are well within `f32`.
@@ -39,24 +43,56 @@ pub fn load_with(scene: &Scene, warnings: &mut Vec<String>) -> Result<Geometry> 
     let mut textures = TextureStore::default();
     let (models, model_of) = read_files(scene, &mut textures, &mut notes, &mut errors);
     let mut groups = Groups::new(scene, &mut textures);
-    let lamps = lamps(scene, &models, &model_of, &mut groups, &mut notes);
-    let materials = MaterialStore::default();
-    let mut store = Store { materials, textures, undefined: Vec::new(), limited: Vec::new() };
-    let (mut placed, mut objects) = (Vec::new(), Vec::new());
-    for (object, &file) in scene.objects.iter().zip(&model_of) {
-        let Some(file) = file else { continue };
-        let model = &models[file].1;
-        let first = objects.len();
-        objects.extend(
-            object.world_from_file.iter().map(|&world_from_file| originals::Object { file, world_from_file }),
+    // Per object, which of its parts fit anything so far.
+    let mut matched: Vec<Vec<bool>> = scene.objects.iter().map(|o| vec![false; o.parts.len()]).collect();
+    let model_of_object = |file: Option<usize>| file.map(|file| &models[file].1);
+    let moving_lamps: Vec<Vec<bool>> = (scene.objects.iter().zip(&model_of).zip(&mut matched))
+        .map(|((object, file), matched)| lamps_that_move(object, model_of_object(*file), matched))
+        .collect();
+    let lamps = lamps(scene, &models, &model_of, &moving_lamps, &mut groups, &mut notes);
+    let mut store = Store { textures, ..Store::default() };
+    let (mut placed, mut objects, mut left_out) = (Vec::new(), Vec::new(), LeftOut::default());
+    for (i, object) in scene.objects.iter().enumerate() {
+        let Some(file) = model_of[i] else { continue };
+        let (model, matched, lamps) = (&models[file].1, &mut matched[i], &moving_lamps[i]);
+        let first = (objects.len(), placed.len());
+        let meshes = place(
+            object,
+            model,
+            first.0,
+            matched,
+            &mut groups,
+            scene.bake.albedo_max,
+            &mut store,
+            &mut placed,
         );
-        let albedo_max = scene.bake.albedo_max;
-        place(object, model, first, &mut groups, albedo_max, &mut store, &mut placed, &mut errors);
+        count(&placed[first.1..], &mut left_out);
+        let moving_lamps = model.contents.lamps.iter().zip(lamps).filter(|(_, moves)| **moves);
+        let copies = object.world_from_file.len();
+        moving_lamps.for_each(|(lamp, _)| left_out.add_lamps(&lamp.name, copies));
+        let lamps = if scene.lights.from_file { &lamps[..] } else { &[] };
+        let (moving, carried) = moving(object, model, &meshes, lamps, matched);
+        for name in carried {
+            let what = "is baked where it stands, below a joint of a movable mesh: animations in scene.glb move it; \
+                        `movable = true` leaves it out of the bake";
+            notes.add(&object.file.display().to_string(), "mesh", name, what);
+        }
+        objects.extend(object.world_from_file.iter().map(|&world_from_file| originals::Object {
+            file,
+            world_from_file,
+            moving: moving.clone(),
+        }));
+        let unmatched_parts = object.parts.iter().zip(&*matched).filter(|(_, matched)| !**matched);
+        errors.extend(unmatched_parts.map(|(part, _)| unmatched(object, part, model)));
     }
+    let keeps_motion = motion_to_keep(scene, &models, &model_of, &objects, &mut notes);
     warnings.extend(notes.lines());
     let (file_lights, merged) = groups.finish(scene, lamps, warnings);
     warnings.append(&mut store.undefined);
     warnings.extend(store.warning(scene.bake.albedo_max));
+    if errors.is_empty() && placed.iter().all(|p| p.movable) {
+        errors.push(everything_moves(&placed));
+    }
     if let Some(error) = all_of(errors) {
         return Err(error);
     }
@@ -64,13 +100,18 @@ pub fn load_with(scene: &Scene, warnings: &mut Vec<String>) -> Result<Geometry> 
         let emissions = store.materials.materials.iter_mut().filter_map(|m| m.emission.as_mut());
         emissions.for_each(|emission| emission.group = emission.group.min(group));
     }
-    let has_emission_maps =
-        store.materials.materials.iter().any(|m| m.emission.is_some_and(|e| e.map.is_some()));
+    let materials = store.materials.materials.iter().chain(&store.movable.materials);
+    let has_emission_maps = materials.clone().any(|m| m.emission.is_some_and(|e| e.map.is_some()));
     let mut geometry = write_out(&placed, has_emission_maps)?;
-    geometry.originals.sources = placed.iter().map(|p| p.source).collect();
+    geometry.originals.sources = sources(&placed);
     geometry.originals.objects = objects;
     geometry.originals.emission_unit = scene.lights.emission;
-    geometry.originals.files = models.into_iter().map(|(name, model)| File::new(name, model)).collect();
+    geometry.originals.left_out = left_out;
+    geometry.originals.movable_glass = store.movable.take_glass();
+    geometry.originals.movable_materials = store.movable.materials;
+    let models = models.into_iter().zip(keeps_motion);
+    let files = models.map(|((name, model), keeps_motion)| File::new(name, model, keeps_motion));
+    geometry.originals.files = files.collect();
     geometry.glass = store.materials.take_glass();
     geometry.materials = store.materials.materials;
     if has_emission_maps {
@@ -90,28 +131,39 @@ fn all_of(mut errors: Vec<Error>) -> Option<Error> {
     Some(Error::invalid("the scene's geometry", format!("{} errors:{list}", errors.len())))
 }
 
-/// What surfaces are made of, as it is gathered.
-struct Store {
-    materials: MaterialStore,
-    textures: TextureStore,
-    /// Warnings about surfaces without a material.
-    undefined: Vec<String>,
-    /// File and name of the materials that reflect more than the limit.
-    limited: Vec<String>,
-}
-
-impl Store {
-    /// The warning about materials that were limited, if there are any.
-    fn warning(&self, albedo_max: f64) -> Option<String> {
-        let n = self.limited.len();
-        (n > 0).then(|| {
-            let (those, names) = (notes::plural(n, "material"), notes::list(&self.limited, n));
-            format!(
-                "{those} of files ({names}): albedo above {albedo_max} is limited to that, since light would hardly fade \
-                 between bounces; `albedo_max = 1` in [bake] keeps it, and so does an `albedo` of the object or part"
-            )
-        })
-    }
+/// Of each file, whether its skins, animations and deformed meshes are written again: where some of it moves.
+/// Animations that are not give a warning.
+fn motion_to_keep(
+    scene: &Scene,
+    models: &[(String, Model)],
+    model_of: &[Option<usize>],
+    objects: &[originals::Object],
+    notes: &mut Notes,
+) -> Vec<bool> {
+    let keeps = |(number, (_, model)): (usize, &(String, Model))| {
+        let of_file = || objects.iter().filter(|object| object.file == number);
+        let keeps = of_file().any(|object| !object.moving.nodes.is_empty());
+        let object = scene.objects.iter().zip(model_of).find(|(_, file)| **file == Some(number));
+        let (Some((object, _)), Some(asset)) = (object, &model.asset) else { return keeps };
+        let file = object.file.display().to_string();
+        let is_kept = |animation: &&Value| {
+            let mut channels = animation["channels"].as_array().into_iter().flatten();
+            channels.any(|channel| {
+                index(&channel["target"]["node"]).is_some_and(|node| of_file().any(|o| o.moving.has(node)))
+            })
+        };
+        let lost = asset.motion.animations.iter().filter(|animation| !is_kept(animation)).count();
+        if lost > 0 {
+            let what = "not played: everything stays where the nodes place it, and scene.glb has animations of `movable` nodes alone";
+            notes.add_line(&file, format!("{} {what}", notes::plural(lost, "animation")));
+        }
+        if let (true, Some(fault)) = (keeps, &asset.motion.fault) {
+            let what = "its skins, animations and morph targets cannot be read, so scene.glb has none";
+            notes.add_line(&file, format!("{what}: {fault}"));
+        }
+        keeps && asset.motion.fault.is_none()
+    };
+    models.iter().enumerate().map(keeps).collect()
 }
 
 /// Reads every file once. Gives the names and models, and per object the index of its, if it could be read.
@@ -163,125 +215,7 @@ fn read_file(object: &Object, textures: &mut TextureStore, notes: &mut Notes) ->
     Ok(model)
 }
 
-/// A mesh at a place in the world.
-struct Placed<'a> {
-    mesh: &'a Mesh,
-    source: Source,
-    world_from_mesh: DMat4,
-    material: u32,
-    /// Whether the scene file gives its colour in place of the file's.
-    recoloured: bool,
-    name: String,
-    lightmap: bool,
-    lightmap_place: LightmapPlace,
-    density: f64,
-}
-
-/// Lists the placed meshes of an object, instance by instance; `first_object` is the first of its places
-/// among those of the scene.
-#[expect(clippy::too_many_arguments, reason = "one call")]
-fn place<'a>(
-    object: &Object,
-    model: &'a Model,
-    first_object: usize,
-    groups: &mut Groups,
-    albedo_max: f64,
-    store: &mut Store,
-    placed: &mut Vec<Placed<'a>>,
-    errors: &mut Vec<Error>,
-) {
-    let file = object.file.file_name().unwrap_or_default().to_string_lossy();
-    let names = |placement: &'a super::model::NodeMesh| {
-        let mesh = &model.meshes[placement.mesh];
-        [placement.node.as_str(), mesh.name.as_str(), model.materials[mesh.material].name.as_str()]
-    };
-    // What holds for each mesh does not depend on the instance.
-    let mut matched = vec![false; object.parts.len()];
-    let (mut limited, mut undefined) = (BTreeSet::new(), Vec::new());
-    let mut list = Vec::new();
-    for placement in &model.placements {
-        let mesh = &model.meshes[placement.mesh];
-        if mesh.triangles.is_empty() {
-            continue;
-        }
-        let mut named: Vec<&str> = names(placement).into_iter().filter(|n| !n.is_empty()).collect();
-        let overrides = resolve(object, &named, &mut matched);
-        let material_place = (object.file.as_path(), mesh.material);
-        let material = &model.materials[mesh.material];
-        let emission = groups.emission(&overrides, material, &named, material_place);
-        let (index, is_limited) = store.materials.add(
-            material,
-            mesh.brightest,
-            &overrides,
-            emission,
-            albedo_max as f32,
-            &mut store.textures,
-        );
-        if is_limited {
-            limited.insert(mesh.material);
-        }
-        if overrides.albedo.is_none() && material.undefined {
-            undefined.push(material.name.as_str());
-        }
-        named.dedup();
-        list.push((placement, index, format!("{file}: {}", named.join("/")), overrides));
-    }
-    let all: Vec<&str> = model.placements.iter().flat_map(names).collect();
-    let unmatched_parts = object.parts.iter().zip(&matched).filter(|(_, matched)| !**matched);
-    let lamps = || model.contents.lamps.iter().map(|lamp| lamp.name.as_str());
-    errors.extend(unmatched_parts.map(|(part, _)| unmatched(object, part, &all, lamps())));
-    if !undefined.is_empty() {
-        let meshes = notes::plural(undefined.len(), "mesh");
-        undefined.retain(|name| !name.is_empty());
-        undefined.sort_unstable();
-        undefined.dedup();
-        let names = notes::list(&undefined, undefined.len());
-        let named = if names.is_empty() { names } else { format!(" ({names})") };
-        let file = object.file.display();
-        let line = format!("{file}: albedo {DEFAULT_ALBEDO} for want of a defined material{named}: {meshes}");
-        if !store.undefined.contains(&line) {
-            store.undefined.push(line);
-        }
-    }
-    for index in limited {
-        let name = match model.materials[index].name.as_str() {
-            "" => "unnamed",
-            name => name,
-        };
-        let name = format!("{file}: {name}");
-        if !store.limited.contains(&name) {
-            store.limited.push(name);
-        }
-    }
-    // Glass that reflects nothing shows no light of its own.
-    let clear: BTreeSet<u32> = list
-        .iter()
-        .map(|(_, material, ..)| *material)
-        .filter(|m| store.materials.reflects_nothing(*m))
-        .collect();
-    for (i, &world_from_file) in object.world_from_file.iter().enumerate() {
-        let number = if object.world_from_file.len() > 1 { format!(" #{i}") } else { String::new() };
-        placed.extend(list.iter().map(|(placement, material, name, overrides)| Placed {
-            mesh: &model.meshes[placement.mesh],
-            source: Source {
-                object: first_object + i,
-                mesh: placement.mesh,
-                node: placement.node_index,
-                repeat: placement.repeat,
-                changed: Changed::by(overrides),
-            },
-            world_from_mesh: world_from_file * placement.file_from_mesh,
-            material: *material,
-            recoloured: overrides.albedo.is_some(),
-            name: format!("{name}{number}"),
-            lightmap: overrides.lightmap.unwrap_or(!clear.contains(material)),
-            lightmap_place: placement.lightmap_place,
-            density: overrides.density.unwrap_or(1.0),
-        }));
-    }
-}
-
-/// Writes all placed meshes in world space, around the centre of their bounding box.
+/// Writes all placed meshes that are baked in world space, around the centre of their bounding box.
 fn write_out(placed: &[Placed], has_emission_maps: bool) -> Result<Geometry> {
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     let (mut vertices, mut triangles) = (0, 0);
@@ -290,10 +224,15 @@ fn write_out(placed: &[Placed], has_emission_maps: bool) -> Result<Geometry> {
             if !position.is_finite() {
                 return Err(Error::invalid(&p.name, "its transform leads out of the range of numbers"));
             }
+            if p.movable {
+                continue;
+            }
             (low, high) = (low.min(position), high.max(position));
         }
-        triangles += p.mesh.triangles.len();
-        vertices += vertex_count(p.mesh);
+        if !p.movable {
+            triangles += p.mesh.triangles.len();
+            vertices += vertex_count(p.mesh);
+        }
     }
     if u32::try_from(vertices).is_err() {
         let what = format!("{vertices} vertices after instancing: expected fewer than 2³²");
@@ -323,7 +262,7 @@ fn write_out(placed: &[Placed], has_emission_maps: bool) -> Result<Geometry> {
     // Meshes are told apart by where they lie in memory; their numbers go by first appearance, so addresses
     // do not show.
     let mut known: BTreeMap<(*const Mesh, u32, bool), u32> = BTreeMap::new();
-    for p in placed {
+    for p in placed.iter().filter(|p| !p.movable) {
         let next = known.len() as u32;
         let number = *known.entry((p.mesh, p.material, p.lightmap)).or_insert(next);
         write_mesh(p, number, has_emission_maps, &mut geometry);

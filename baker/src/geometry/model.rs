@@ -1,6 +1,8 @@
 //! What a geometry file holds, before it is placed in the scene; the same for OBJ and glTF.
 
-use super::contents::Contents;
+use super::contents::{Contents, FileLamp};
+use super::motion::Motion;
+use super::names::{Names, Tree};
 use super::{Glass, LightmapPlace};
 use dataset::{Error, Result};
 use glam::{DMat4, DVec3, Vec2, Vec3, Vec4};
@@ -13,6 +15,8 @@ pub(super) const DEFAULT_ALBEDO: f32 = 0.5;
 #[derive(Default)]
 pub(super) struct Model {
     pub meshes: Vec<Mesh>,
+    /// Its nodes.
+    pub tree: Tree,
     /// Which meshes stand where, in the order of the file.
     pub placements: Vec<NodeMesh>,
     pub materials: Vec<FileMaterial>,
@@ -26,15 +30,46 @@ pub(super) struct Model {
 pub(super) struct NodeMesh {
     /// Index of the mesh.
     pub mesh: usize,
-    /// The node's name, or empty.
-    pub node: String,
-    /// The node's index in a glTF.
-    pub node_index: Option<usize>,
+    /// The node's place in the tree; `None` in an OBJ.
+    pub node: Option<usize>,
     /// Where it stands relative to the node, and as which of the node's instances, if that has several.
     pub repeat: Option<(usize, DMat4)>,
     pub file_from_mesh: DMat4,
     /// Where the node says that its lightmap lies.
     pub lightmap_place: LightmapPlace,
+}
+
+impl Model {
+    /// The names that apply to a placed mesh, nearest first: of its material, node and mesh, and of every
+    /// node above.
+    pub fn names_of_mesh(&self, placement: &NodeMesh) -> Names<'_> {
+        let mesh = &self.meshes[placement.mesh];
+        let material = self.materials[mesh.material].name.as_str();
+        self.tree.names([material, self.node_name(placement), mesh.name.as_str()], placement.node)
+    }
+
+    /// The names that apply to a lamp, nearest first: of its node and its light, and of every node above.
+    pub fn names_of_lamp<'a>(&'a self, lamp: &'a FileLamp) -> Names<'a> {
+        self.tree.names(lamp.names.iter().map(String::as_str), Some(lamp.node))
+    }
+
+    /// What messages call a placed mesh: its node (or the nearest one above that has a name), mesh and
+    /// material.
+    pub fn shown_name(&self, placement: &NodeMesh) -> String {
+        let mesh = &self.meshes[placement.mesh];
+        let node =
+            self.tree.path(placement.node).map(|node| node.name.as_str()).find(|name| !name.is_empty());
+        let material = self.materials[mesh.material].name.as_str();
+        let mut names = vec![node.unwrap_or(""), mesh.name.as_str(), material];
+        names.retain(|name| !name.is_empty());
+        names.dedup();
+        names.join("/")
+    }
+
+    /// The name of a placed mesh's node, or empty.
+    fn node_name(&self, placement: &NodeMesh) -> &str {
+        placement.node.map_or("", |node| self.tree.nodes[node].name.as_str())
+    }
 }
 
 /// Indexed triangles of one material.
@@ -102,6 +137,8 @@ pub(crate) struct Asset {
     pub scene: Value,
     /// The encoded bytes of its images; `None` for one that cannot be read.
     pub images: Vec<Option<Vec<u8>>>,
+    /// What lets it move; an error says why that cannot be read.
+    pub motion: Motion,
 }
 
 /// A material of a file.

@@ -116,11 +116,9 @@ pub(super) fn load(
         };
         let has_map = model.materials[material].emission.is_some_and(|e| e.texture.is_some());
         let mesh = convert(mesh, name, material, vt_is_lightmap, has_map, &file, notes)?;
-        let node = String::new();
         model.placements.push(NodeMesh {
             mesh: model.meshes.len(),
-            node,
-            node_index: None,
+            node: None,
             repeat: None,
             file_from_mesh: DMat4::IDENTITY,
             lightmap_place: LightmapPlace::Unsaid,

@@ -2,6 +2,9 @@
 
 use super::contents::FileCamera;
 use super::model::{Asset, Mesh, Model};
+use super::motion::Motion;
+use super::movable::{LeftOut, Moving};
+use super::{Glass, Material};
 use crate::scene::SurfaceOverrides;
 use glam::DMat4;
 
@@ -15,8 +18,15 @@ pub struct Originals {
     pub(crate) files: Vec<File>,
     /// Every placing of a file, in the order of the scene.
     pub(crate) objects: Vec<Object>,
-    /// Where each instance of the geometry comes from, in the same order.
+    /// Where everything comes from that is placed: the instances of the geometry, in their order, and what
+    /// moves.
     pub(crate) sources: Vec<Source>,
+    /// What is made of what moves.
+    pub(crate) movable_materials: Vec<Material>,
+    /// Per material of what moves, what it lets through; empty where all are opaque.
+    pub(crate) movable_glass: Vec<Option<Glass>>,
+    /// What the bake leaves out because it moves.
+    pub(crate) left_out: LeftOut,
     /// Radiance in kcd/m² where a file's emission is 1.
     pub(crate) emission_unit: f64,
 }
@@ -36,14 +46,25 @@ pub(crate) struct File {
 }
 
 /// A file at a place in the world.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Object {
     /// Index into `files`.
     pub file: usize,
     pub world_from_file: DMat4,
+    /// Which of its nodes move.
+    pub moving: Moving,
 }
 
-/// Where an instance of the geometry comes from.
+/// Whether something placed is baked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Placed {
+    /// As an instance of the geometry, by its index.
+    Baked(usize),
+    /// It moves; its material, by its index among those of what moves.
+    Movable(u32),
+}
+
+/// Where something placed comes from.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Source {
     /// Index into `objects`.
@@ -56,6 +77,8 @@ pub(crate) struct Source {
     pub repeat: Option<(usize, DMat4)>,
     /// What of its material the scene file overrides.
     pub changed: Changed,
+    /// What became of it.
+    pub placed: Placed,
 }
 
 /// What of a material the scene file replaces.
@@ -83,7 +106,10 @@ impl Changed {
 
 impl File {
     /// Keeps what is left of a model when its meshes are placed.
-    pub(super) fn new(name: String, mut model: Model) -> Self {
+    pub(super) fn new(name: String, mut model: Model, keeps_motion: bool) -> Self {
+        if let Some(asset) = model.asset.as_mut().filter(|_| !keeps_motion) {
+            asset.motion = Motion::default();
+        }
         // An OBJ without `o` and `g` has one mesh of no name of its own.
         let unnamed = model.meshes.iter_mut().filter(|mesh| mesh.primitive.is_none() && mesh.name == UNNAMED);
         unnamed.for_each(|mesh| mesh.name.clone_from(&name));
@@ -99,7 +125,12 @@ impl Originals {
         self.files.iter().flat_map(|file| &file.cameras)
     }
 
-    /// Feeds all that is written again, but triangles, into a hash.
+    /// What the bake leaves out because it moves, in words, if anything does.
+    pub fn left_out(&self) -> Option<String> {
+        self.left_out.fact()
+    }
+
+    /// Feeds all that is written again, but triangles that are baked, into a hash.
     pub fn update_digest(&self, hash: &mut blake3::Hasher) {
         for file in &self.files {
             hash.update(file.name.as_bytes()).update(&[0]);
@@ -108,6 +139,7 @@ impl Originals {
                 for image in asset.images.iter().flatten() {
                     hash.update(image);
                 }
+                asset.motion.update_digest(hash);
             }
             for attribute in file.meshes.iter().flat_map(|mesh| &mesh.attributes) {
                 hash.update(attribute.name.as_bytes()).update(&attribute.bytes);
@@ -115,6 +147,33 @@ impl Originals {
         }
         for object in &self.objects {
             hash.update(&(object.file as u64).to_le_bytes());
+            for nodes in [&object.moving.nodes, &object.moving.joints] {
+                for node in nodes.iter().map(|node| *node as u64).chain([u64::MAX]) {
+                    hash.update(&node.to_le_bytes());
+                }
+            }
+        }
+        for source in &self.sources {
+            let Placed::Movable(material) = source.placed else { continue };
+            let object = &self.objects[source.object];
+            hash.update(bytemuck::cast_slice(&object.world_from_file.to_cols_array()));
+            let at = [source.object, source.mesh, source.node.map_or(0, |node| node + 1)];
+            hash.update(bytemuck::cast_slice(&at.map(|n| n as u64)));
+            let mesh = &self.files[object.file].meshes[source.mesh];
+            hash.update(bytemuck::cast_slice(&mesh.origin.to_array()));
+            hash.update(bytemuck::cast_slice(&mesh.positions));
+            hash.update(bytemuck::cast_slice(&mesh.normals));
+            hash.update(bytemuck::cast_slice(&mesh.uvs));
+            hash.update(bytemuck::cast_slice(&mesh.lightmap_uvs));
+            hash.update(bytemuck::cast_slice(&mesh.triangles));
+            if let Some((number, repeat)) = source.repeat {
+                hash.update(&(number as u64).to_le_bytes());
+                hash.update(bytemuck::cast_slice(&repeat.to_cols_array()));
+            }
+            // (Its numbers are those of its fields, each in the shortest form that reads as the same.)
+            let glass = self.movable_glass.get(material as usize);
+            let look = format!("{:?}{glass:?}", self.movable_materials[material as usize]);
+            hash.update(look.as_bytes());
         }
     }
 }

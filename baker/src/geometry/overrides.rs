@@ -1,48 +1,27 @@
-//! What the scene file overrides: name patterns, and materials as they end up.
+//! What the scene file overrides, and materials as they end up.
 
 use super::glass::most_kept;
 use super::model::FileMaterial;
+use super::names::Names;
 use super::texture::TextureStore;
 use super::{Emission, Glass, Material};
-use crate::scene::{Object, Part, SurfaceOverrides};
-use dataset::Error;
+use crate::scene::{Object, SurfaceOverrides};
 use glam::{DVec3, Vec3};
 use std::collections::BTreeMap;
 
-/// Whether a name fits a pattern, `*` standing for any run of characters.
-pub(super) fn fits(pattern: &str, name: &str) -> bool {
-    let (pattern, name): (Vec<char>, Vec<char>) = (pattern.chars().collect(), name.chars().collect());
-    let (mut p, mut n) = (0, 0);
-    // The last star, and how much it swallows so far.
-    let mut star = None;
-    while n < name.len() {
-        if pattern.get(p) == Some(&'*') {
-            star = Some((p, n));
-            p += 1;
-        } else if pattern.get(p) == Some(&name[n]) {
-            (p, n) = (p + 1, n + 1);
-        } else if let Some((at, swallowed)) = star {
-            star = Some((at, swallowed + 1));
-            (p, n) = (at + 1, swallowed + 1);
-        } else {
-            return false;
-        }
-    }
-    pattern[p..].iter().all(|&c| c == '*')
-}
-
 /// What holds for a mesh with these names: the object's overrides, then those of its parts in order. Sets
 /// `matched` of the parts that fit.
-pub(super) fn resolve(object: &Object, names: &[&str], matched: &mut [bool]) -> SurfaceOverrides {
+pub(super) fn resolve(object: &Object, names: &Names, matched: &mut [bool]) -> SurfaceOverrides {
     let mut overrides = object.overrides.clone();
     for (part, matched) in object.parts.iter().zip(matched) {
-        if names.iter().any(|name| fits(&part.pattern, name)) {
+        if names.fit(&part.pattern) {
             *matched = true;
             let over = part.overrides.clone();
             overrides = SurfaceOverrides {
                 albedo: over.albedo.or(overrides.albedo),
                 lightmap: over.lightmap.or(overrides.lightmap),
                 transmission: over.transmission.or(overrides.transmission),
+                movable: over.movable.or(overrides.movable),
                 density: over.density.or(overrides.density),
                 two_sided: over.two_sided.or(overrides.two_sided),
                 // The two come together.
@@ -52,36 +31,6 @@ pub(super) fn resolve(object: &Object, names: &[&str], matched: &mut [bool]) -> 
         }
     }
     overrides
-}
-
-/// An error about a part that fits no mesh; `names` are those it could have fitted, `lamps` the names of the
-/// file's lamps.
-pub(super) fn unmatched<'a>(
-    object: &Object,
-    part: &Part,
-    names: &[&str],
-    mut lamps: impl Iterator<Item = &'a str>,
-) -> Error {
-    let lamp = lamps.find(|lamp| fits(&part.pattern, lamp));
-    let hint = lamp.map_or_else(String::new, |lamp| {
-        let lights = &part.pattern;
-        format!(
-            "; {lamp:?} is a lamp and no part: a [[group]] with `lights = [{lights:?}]` has its light and says when it is on"
-        )
-    });
-
-    let mut names: Vec<&str> = names.iter().copied().filter(|n| !n.is_empty()).collect();
-    names.sort_unstable();
-    names.dedup();
-    let more = if names.len() > 20 { ", …" } else { "" };
-    names.truncate(20);
-    let have = if names.is_empty() { "it names nothing".to_owned() } else { names.join(", ") };
-    let what = format!(
-        "part name = {:?}: fits no node, mesh or material of {}: {have}{more}{hint}",
-        part.pattern,
-        object.file.display()
-    );
-    Error::invalid(&part.source_line, what)
 }
 
 /// Materials of the scene; equal ones are held once.
@@ -173,27 +122,4 @@ fn key(m: &Material) -> [u32; 15] {
     let [most, alpha] = [m.albedo_max, m.alpha].map(f32::to_bits);
     let sides = m.two_sided.into();
     [r, g, b, most, alpha, has_texture, texture, has_cutoff, cutoff, sides, e[0], e[1], e[2], group, map]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::fits;
-
-    #[test]
-    fn stars_stand_for_any_run() {
-        for (pattern, name, expected) in [
-            ("leaf", "leaf", true),
-            ("leaf", "leaf.001", false),
-            ("leaf*", "leaf.001", true),
-            ("*leaf", "oak_leaf", true),
-            ("*a*b*", "xxaxxbxx", true),
-            ("*a*b", "ab_ab_a", false),
-            ("a*a", "a", false),
-            ("*", "", true),
-            ("**", "x", true),
-            ("", "x", false),
-        ] {
-            assert_eq!(fits(pattern, name), expected, "{pattern} {name}");
-        }
-    }
 }

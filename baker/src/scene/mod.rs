@@ -292,7 +292,8 @@ pub struct Object {
     /// What holds for all of its meshes.
     #[serde(rename = "look")]
     pub overrides: SurfaceOverrides,
-    /// What holds for meshes whose node, mesh or material name matches; later entries win.
+    /// What holds for meshes whose material, mesh or node matches by name, or any node above; later entries
+    /// win.
     pub parts: Vec<Part>,
     /// An OBJ's `vt` are lightmap coordinates too.
     pub vt_is_lightmap: bool,
@@ -321,6 +322,9 @@ pub struct SurfaceOverrides {
     pub transmission: Option<DVec3>,
     /// False: the mesh blocks and reflects light, but gets no texels. Default true.
     pub lightmap: Option<bool>,
+    /// Whether it moves: it is in no part of the bake, and still in `scene.glb`. Default: what the file says.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub movable: Option<bool>,
     /// Texel density relative to the scene's. Default 1.
     pub density: Option<f64>,
     /// Whether the back reflects too. Default: glTF's `doubleSided`, false for OBJ.

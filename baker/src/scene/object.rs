@@ -17,6 +17,7 @@ pub(super) const KEYS: &[&str] = &[
     "albedo",
     "transmission",
     "lightmap",
+    "movable",
     "density",
     "two_sided",
     "emission",
@@ -25,7 +26,7 @@ pub(super) const KEYS: &[&str] = &[
 ];
 const INSTANCE: &[&str] = &["translate", "rotate", "scale"];
 const PART: &[&str] =
-    &["name", "albedo", "transmission", "lightmap", "density", "two_sided", "emission", "group"];
+    &["name", "albedo", "transmission", "lightmap", "movable", "density", "two_sided", "emission", "group"];
 
 /// Reads `[[object]]`. Files are looked for in `folder`; `groups` are those emission may name.
 pub(super) fn read(
@@ -175,12 +176,20 @@ fn overrides(table: &Table, groups: &[Group], warnings: &mut Vec<String>) -> Res
             table.error("`emission` without `group`: expected both, since the group switches the emission")
         );
     }
+    let flag = |key: &str| table.get(key).map(|v| v.boolean()).transpose();
+    let (lightmap, movable) = (flag("lightmap")?, flag("movable")?);
+    if lightmap == Some(true) && movable == Some(true) {
+        return Err(table.error(
+            "`lightmap = true` with `movable = true`: expected one of them, since what moves gets no texels",
+        ));
+    }
     Ok(SurfaceOverrides {
         albedo,
         transmission,
-        lightmap: table.get("lightmap").map(|v| v.boolean()).transpose()?,
+        lightmap,
+        movable,
         density,
-        two_sided: table.get("two_sided").map(|v| v.boolean()).transpose()?,
+        two_sided: flag("two_sided")?,
         emission,
         group,
     })

@@ -11,6 +11,7 @@ use gltf::accessor::{DataType, Dimensions};
 use gltf::material::AlphaMode;
 use gltf::mesh::Mode;
 use gltf::{Document, Node, Primitive, Semantic};
+use serde::Deserialize;
 use std::path::Path;
 
 /// Default colour.
@@ -176,7 +177,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], config: &Config) -> Result<Model> 
         reader.first_of_mesh.push(first..reader.model.shapes.len());
     }
     if let Some(scene) = document.default_scene().or_else(|| document.scenes().next()) {
-        scene.nodes().for_each(|node| reader.node(&node, DMat4::IDENTITY));
+        scene.nodes().for_each(|node| reader.node(&node, DMat4::IDENTITY, false));
     }
     let model = reader.model;
     let triangles: usize = model.parts.iter().map(|part| model.shapes[part.shape].triangles.len()).sum();
@@ -185,6 +186,12 @@ pub(super) fn read(path: &Path, bytes: &[u8], config: &Config) -> Result<Model> 
         return Err(Error::unsupported(path.display(), what));
     }
     Ok(model)
+}
+
+/// What the extras of a node say of it and all below it, but for those that say something else.
+#[derive(Deserialize)]
+struct Extras {
+    movable: Option<bool>,
 }
 
 struct Reader<'a> {
@@ -292,15 +299,18 @@ impl Reader<'_> {
         });
     }
 
-    fn node(&mut self, node: &Node, world_from_parent: DMat4) {
+    /// Adds a node and all below it; not the meshes of those that move, since no light of theirs is baked.
+    fn node(&mut self, node: &Node, world_from_parent: DMat4, parent_moves: bool) {
         if std::mem::replace(&mut self.seen[node.index()], true) {
             return;
         }
         let matrix = node.transform().matrix().map(|column| column.map(f64::from));
         let world_from_node = world_from_parent * DMat4::from_cols_array_2d(&matrix);
-        if let Some(mesh) = node.mesh() {
+        let extras = node.extras().as_ref();
+        let said = extras.and_then(|extras| serde_json::from_str::<Extras>(extras.get()).ok());
+        let moves = said.and_then(|said| said.movable).unwrap_or(parent_moves);
+        if let Some(mesh) = node.mesh().filter(|_| !moves) {
             // (The check has reported invalid placements.)
-            let extras = node.extras().as_ref();
             let placed = extras.and_then(|extras| serde_json::from_str::<Placed>(extras.get()).ok());
             let place = placed.map(|placed| {
                 (placed.lightmap_page, placed.lightmap_scale.into(), placed.lightmap_offset.into())
@@ -313,7 +323,7 @@ impl Reader<'_> {
         if let Some(gltf::camera::Projection::Perspective(lens)) = camera.as_ref().map(|c| c.projection()) {
             self.camera(node, &world_from_node, f64::from(lens.yfov()));
         }
-        node.children().for_each(|child| self.node(&child, world_from_node));
+        node.children().for_each(|child| self.node(&child, world_from_node, moves));
     }
 
     /// A camera of the file, for pictures that are 16 by 9.

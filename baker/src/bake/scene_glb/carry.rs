@@ -3,7 +3,7 @@
 
 use super::container::Glb;
 use super::{emission_glb, glass_glb};
-use crate::geometry::{Asset, Geometry, Material, Wrap};
+use crate::geometry::{Asset, Geometry, Glass, Material, Motion, Wrap};
 use crate::{Error, Result};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
@@ -40,6 +40,25 @@ pub struct MaterialKey {
     pub is_recoloured: bool,
     /// The set that the file's `TEXCOORD_1` now is.
     pub moved: Option<u32>,
+    /// Materials of the geometry are those of what moves.
+    pub is_movable: bool,
+}
+
+/// A material of the geometry, and what it lets through.
+type Look<'a> = (&'a Material, Option<&'a Glass>);
+
+impl MaterialKey {
+    /// A material of the geometry, by its index.
+    fn look<'a>(&self, geometry: &'a Geometry, index: u32) -> Look<'a> {
+        let originals = &geometry.originals;
+        match self.is_movable {
+            true => {
+                let glass = originals.movable_glass.get(index as usize).and_then(Option::as_ref);
+                (&originals.movable_materials[index as usize], glass)
+            }
+            false => (&geometry.materials[index as usize], geometry.glass_of(index)),
+        }
+    }
 }
 
 /// What has gone over so far: lists of the new file, and where in them what of which file is.
@@ -74,10 +93,12 @@ impl Carried {
             None => json!({ "name": name }),
         };
         if let Some(material_index) = key.material_index {
-            self.restyle(&mut material, geometry, material_index, key.original.is_none(), out)?;
+            let look = key.look(geometry, material_index);
+            self.restyle(&mut material, geometry, look, key.original.is_none(), out)?;
         }
         if let Some(material_index) = key.emission {
-            self.shine(&mut material, geometry, material_index, out)?;
+            let (look, _) = key.look(geometry, material_index);
+            self.shine(&mut material, geometry, look, out)?;
         }
         self.materials.push(material);
         self.known_materials.insert(key, self.materials.len() - 1);
@@ -89,11 +110,10 @@ impl Carried {
         &mut self,
         json: &mut Value,
         geometry: &Geometry,
-        material_index: u32,
+        (material, glass): Look,
         is_new: bool,
         out: &mut Glb,
     ) -> Result<()> {
-        let material: &Material = &geometry.materials[material_index as usize];
         // The older way to say a colour would go before the newer one.
         let older =
             json.get_mut("extensions").and_then(|extensions| extensions.as_object_mut()?.remove(GLOSSINESS));
@@ -121,7 +141,7 @@ impl Carried {
             json["alphaMode"] = json!("MASK");
             json["alphaCutoff"] = json!(cutoff);
         }
-        self.let_through(json, geometry, material_index, out)
+        self.let_through(json, geometry, glass, out)
     }
 
     /// Gives a material the emission that was baked, or none.
@@ -129,11 +149,11 @@ impl Carried {
         &mut self,
         json: &mut Value,
         geometry: &Geometry,
-        material_index: u32,
+        material: &Material,
         out: &mut Glb,
     ) -> Result<()> {
         emission_glb::clear(json);
-        let Some(emission) = geometry.materials[material_index as usize].emission else { return Ok(()) };
+        let Some(emission) = material.emission else { return Ok(()) };
         let map = emission.map.map(|map| self.texture_of_geometry(geometry, Baked::Emission(map), out));
         emission_glb::add(json, emission.radiance, geometry.originals.emission_unit, map.transpose()?);
         Ok(())
@@ -144,11 +164,11 @@ impl Carried {
         &mut self,
         json: &mut Value,
         geometry: &Geometry,
-        material_index: u32,
+        glass: Option<&Glass>,
         out: &mut Glb,
     ) -> Result<()> {
         glass_glb::clear(json);
-        let Some(glass) = geometry.glass_of(material_index) else { return Ok(()) };
+        let Some(glass) = glass else { return Ok(()) };
         let texture = glass.texture.map(|at| self.texture_of_geometry(geometry, Baked::Surface(at), out));
         glass_glb::add(json, glass, texture.transpose()?);
         Ok(())
@@ -357,6 +377,7 @@ pub fn asset(geometry: &Geometry, file: usize) -> &Asset {
         roots: Vec::new(),
         scene: Value::Null,
         images: Vec::new(),
+        motion: Motion::NONE,
     };
     geometry.originals.files[file].gltf.as_ref().unwrap_or(&NONE)
 }

@@ -113,21 +113,26 @@ pub fn write(
         }
         attributes.insert("TEXCOORD_1".into(), pairs(vertices.iter().map(|v| v.1).collect()));
     }
-    // (65535 is reserved.)
-    let indices = if count < 65535 {
-        let short: Vec<u16> = indices.iter().map(|&index| index as u16).collect();
-        out.accessor(bytemuck::cast_slice(&short), short.len(), UNSIGNED_SHORT, "SCALAR", INDICES)
-    } else {
-        out.accessor(bytemuck::cast_slice(&indices), indices.len(), UNSIGNED_INT, "SCALAR", INDICES)
-    };
     let mut primitive = Map::new();
     primitive.insert("attributes".into(), Value::Object(attributes));
-    primitive.insert("indices".into(), out.push(indices));
+    primitive.insert("indices".into(), write_indices(&indices, count, out));
     primitive
 }
 
+/// Numbers of some vertices as a new accessor.
+pub fn write_indices(indices: &[u32], vertices: usize, out: &mut Glb) -> Value {
+    // (65535 is reserved.)
+    let indices = if vertices < 65535 {
+        let short: Vec<u16> = indices.iter().map(|&index| index as u16).collect();
+        out.accessor(bytemuck::cast_slice(&short), short.len(), UNSIGNED_SHORT, "SCALAR", INDICES)
+    } else {
+        out.accessor(bytemuck::cast_slice(indices), indices.len(), UNSIGNED_INT, "SCALAR", INDICES)
+    };
+    out.push(indices)
+}
+
 /// Makes a colour with alpha white, whose components are of this type.
-fn whiten(colour: &mut [u8], component: u32) {
+pub fn whiten(colour: &mut [u8], component: u32) {
     let one: &[u8] = match component {
         FLOAT => &1f32.to_le_bytes(),
         UNSIGNED_SHORT => &[0xff; 2],
@@ -140,8 +145,7 @@ fn whiten(colour: &mut [u8], component: u32) {
 /// around.
 fn unit_normals(mesh: &Mesh) -> Vec<Vec3> {
     let mut normals = mesh.normals.clone();
-    let is_good = |normal: &Vec3| (normal.length() - 1.0).abs() < 1e-4;
-    if normals.iter().all(is_good) {
+    if normals.iter().all(is_unit) {
         return normals;
     }
     let mut around = vec![DVec3::ZERO; normals.len()];
@@ -150,10 +154,19 @@ fn unit_normals(mesh: &Mesh) -> Vec<Vec3> {
         triangle.iter().for_each(|&v| around[v as usize] += (b - a).cross(c - a));
     }
     for (normal, around) in normals.iter_mut().zip(around) {
-        if !is_good(normal) {
-            let unit = normal.as_dvec3().try_normalize().or(around.try_normalize());
-            *normal = unit.unwrap_or(DVec3::Y).as_vec3();
-        }
+        *normal = unit(*normal, around.try_normalize().unwrap_or(DVec3::Y).as_vec3());
     }
     normals
+}
+
+fn is_unit(vector: &Vec3) -> bool {
+    (vector.length() - 1.0).abs() < 1e-4
+}
+
+/// A vector of unit length, as it is if it is one; `other` for one without direction.
+pub fn unit(vector: Vec3, other: Vec3) -> Vec3 {
+    if is_unit(&vector) {
+        return vector;
+    }
+    vector.as_dvec3().try_normalize().map_or(other, |unit| unit.as_vec3())
 }

@@ -71,6 +71,23 @@ pub(super) fn read_raw(accessor: &Accessor, buffers: &Buffers) -> Result<(usize,
     Ok((stride, elements.iter().flat_map(|element| &element[..stride]).copied().collect()))
 }
 
+/// Reads elements of any kind as they are, one right after the other.
+pub(super) fn read_packed(accessor: &Accessor, buffers: &Buffers) -> Result<Vec<u8>> {
+    let size = accessor.size();
+    if accessor.count() > MAX_COUNT || accessor.count() > MAX_COUNT_WITHOUT_VIEW && accessor.view().is_none()
+    {
+        return Err(bad(accessor, "", "more than is read"));
+    }
+    // The largest is a matrix of 4 × 4 floats.
+    let decode = |bytes: &[u8]| {
+        let mut element = [0u8; 64];
+        element[..size].copy_from_slice(bytes);
+        element
+    };
+    let elements = read(accessor, buffers, "", [0; 64], decode)?;
+    Ok(elements.iter().flat_map(|element| &element[..size]).copied().collect())
+}
+
 /// Checks the number of components and of elements.
 fn expect(accessor: &Accessor, components: usize, place: &str) -> Result<()> {
     if accessor.dimensions().multiplicity() != components {

@@ -3,14 +3,14 @@
 
 use super::accessor::{Buffers, read_floats, read_raw};
 use super::container::read_uri;
-use super::material;
+use super::{material, motion};
 use crate::geometry::model::{self, Attribute};
 use gltf::accessor::{Accessor, Dimensions};
 use gltf::mesh::Semantic;
 use serde_json::Value;
 use std::collections::BTreeSet;
 
-/// What stands in the JSON for the sake of bytes, or moves what does not move here.
+/// What stands in the JSON for the sake of bytes, and what `motion` keeps.
 const LEFT_OUT: &[&str] = &["accessors", "animations", "bufferViews", "buffers", "skins"];
 
 /// The asset but its triangles. `materials` are those in use.
@@ -33,7 +33,8 @@ pub(super) fn asset(
     let count = root["images"].as_array().map_or(0, Vec::len);
     let images =
         (0..count).map(|image| wanted.contains(&image).then(|| image_bytes(asset, image))?).collect();
-    model::Asset { root, nodes, roots, scene, images }
+    let motion = motion::read(asset);
+    model::Asset { root, nodes, roots, scene, images, motion }
 }
 
 /// Adds the indices of the textures that a material names, wherever it does.

@@ -73,10 +73,10 @@ pub(super) fn check(root: &Value, file: &str) -> Result<()> {
     Ok(())
 }
 
-/// Adds the lamps and cameras of a node. `parents` are the names of the nodes above, nearest first.
+/// Adds the lamps and cameras of a node, whose place in the tree of nodes is `place`.
 pub(super) fn read(
     node: &gltf::Node,
-    parents: &[String],
+    place: usize,
     file_from_node: DMat4,
     file: &str,
     contents: &mut Contents,
@@ -84,12 +84,16 @@ pub(super) fn read(
 ) {
     if let Some(light) = node.light() {
         let names = [node.name(), light.name()].into_iter().flatten().map(valid);
-        let name =
-            names.into_iter().find(|n| !n.is_empty()).unwrap_or_else(|| format!("lamp {}", node.index()));
+        let mut names: Vec<String> = names.filter(|name| !name.is_empty()).collect();
+        if names.is_empty() {
+            names.push(format!("lamp {}", node.index()));
+        }
+        let name = names[0].clone();
         match lamp(&light) {
             Ok((kind, colour, intensity)) => contents.lamps.push(FileLamp {
                 name,
-                parents: parents.iter().map(|p| valid(p)).filter(|p| !p.is_empty()).collect(),
+                names,
+                node: place,
                 kind,
                 colour,
                 intensity,

@@ -11,9 +11,11 @@ mod emission;
 mod glass;
 mod instancing;
 mod keep;
+mod motion;
 
 use super::LightmapPlace;
 use super::model::{Mesh, Model, NodeMesh};
+use super::names::TreeNode;
 use super::notes::{Notes, plural};
 use super::texture::TextureStore;
 use accessor::{Buffers, read_floats, read_indices};
@@ -26,9 +28,6 @@ use serde_json::Value;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
-
-/// Most nodes above a lamp whose names are kept.
-const PARENTS: usize = 32;
 
 /// Reads a glTF asset.
 pub(super) fn load(path: &Path, textures: &mut TextureStore, notes: &mut Notes) -> Result<Model> {
@@ -43,11 +42,6 @@ pub(super) fn load(path: &Path, textures: &mut TextureStore, notes: &mut Notes) 
         notes.add_line(&file, unread);
     }
     lights::check(&root, &file)?;
-    let animations = root["animations"].as_array().map_or(0, Vec::len);
-    if animations > 0 {
-        let what = "not played: everything stays where the nodes place it, and scene.glb has no animations";
-        notes.add_line(&file, format!("{} {what}", plural(animations, "animation")));
-    }
     let document = document(json, &file)?;
     let plain = buffers(&document, &root, binary, folder, &file)?;
     let decoded = meshopt::decode_views(&root, &plain, &file)?;
@@ -142,21 +136,21 @@ impl Reader<'_> {
         let document = self.asset.document;
         let scene = document.default_scene().or(document.scenes().next());
         let number = scene.as_ref().map(gltf::Scene::index);
-        let mut stack: Vec<(gltf::Node, DMat4)> = match scene {
-            Some(scene) => scene.nodes().map(|n| (n, DMat4::IDENTITY)).collect(),
+        let mut stack: Vec<(gltf::Node, DMat4, Option<usize>)> = match scene {
+            Some(scene) => scene.nodes().map(|n| (n, DMat4::IDENTITY, None)).collect(),
             None => {
                 let mut is_child = vec![false; document.nodes().count()];
                 document.nodes().flat_map(|n| n.children()).for_each(|c| is_child[c.index()] = true);
-                document.nodes().filter(|n| !is_child[n.index()]).map(|n| (n, DMat4::IDENTITY)).collect()
+                let roots = document.nodes().filter(|n| !is_child[n.index()]);
+                roots.map(|n| (n, DMat4::IDENTITY, None)).collect()
             }
         };
-        let roots = stack.iter().map(|(node, _)| node.index()).collect();
+        let roots = stack.iter().map(|(node, ..)| node.index()).collect();
         stack.reverse();
         // Depth first, in the file's order. Nodes form a tree: none is met twice.
         let (mut met, mut order) = (vec![false; document.nodes().count()], Vec::new());
-        let (mut path, mut depths) = (Vec::new(), vec![0; met.len()]);
         let mut primitives: BTreeMap<usize, std::ops::Range<usize>> = BTreeMap::new();
-        while let Some((node, file_from_parent)) = stack.pop() {
+        while let Some((node, file_from_parent, parent)) = stack.pop() {
             let name = node.name().map_or_else(|| format!("node {}", node.index()), str::to_owned);
             let place = format!("{}: {name}", self.asset.file);
             if std::mem::replace(&mut met[node.index()], true) {
@@ -167,14 +161,21 @@ impl Reader<'_> {
             if !file_from_node.is_finite() {
                 return Err(Error::invalid(place, "its transform: expected finite numbers"));
             }
-            // The nodes on the way to this one: those of the last `depth` are its parents.
-            path.truncate(depths[node.index()]);
+            let movable = motion::movable(&self.asset.root["nodes"][node.index()]).unwrap_or_else(|what| {
+                self.notes.add(self.asset.file, "node", &name, what);
+                None
+            });
+            let in_tree = self.model.tree.nodes.len();
+            self.model.tree.nodes.push(TreeNode {
+                index: node.index(),
+                name: lights::valid(node.name().unwrap_or("")),
+                parent,
+                movable,
+            });
             if node.light().is_some() || node.camera().is_some() {
-                let parents: Vec<String> = path.iter().rev().take(PARENTS).cloned().collect();
                 let (file, contents) = (self.asset.file, &mut self.model.contents);
-                lights::read(&node, &parents, file_from_node, file, contents, self.notes);
+                lights::read(&node, in_tree, file_from_node, file, contents, self.notes);
             }
-            path.push(node.name().unwrap_or("").to_owned());
             if let Some(mesh) = node.mesh() {
                 let lightmap_place = lightmap_place(&node).unwrap_or_else(|what| {
                     self.notes.add(self.asset.file, "node", &name, what);
@@ -205,8 +206,7 @@ impl Reader<'_> {
                     let file_from_mesh = repeat.map_or(file_from_node, |(_, at)| file_from_node * at);
                     self.model.placements.extend(range.clone().map(|mesh| NodeMesh {
                         mesh,
-                        node: node.name().unwrap_or("").to_owned(),
-                        node_index: Some(node.index()),
+                        node: Some(in_tree),
                         repeat,
                         file_from_mesh,
                         lightmap_place,
@@ -214,8 +214,7 @@ impl Reader<'_> {
                 }
             }
             let children: Vec<_> = node.children().collect();
-            children.iter().for_each(|child| depths[child.index()] = path.len());
-            stack.extend(children.into_iter().rev().map(|c| (c, file_from_node)));
+            stack.extend(children.into_iter().rev().map(|c| (c, file_from_node, Some(in_tree))));
         }
         let placements = &mut self.model.placements;
         if placements.iter().any(|p| p.lightmap_place != LightmapPlace::Unsaid) {
