@@ -4,6 +4,7 @@
 #[allow(dead_code)]
 mod common;
 
+use base64::Engine;
 use common::mesh::{Obj, png};
 use common::{Baked, Stage};
 use glam::{DVec3, dvec3};
@@ -58,6 +59,66 @@ fn a_point_lamp_of_a_gltf_gives_its_intensity() {
         b.ratio(&b.group("lamp"), &b.on("floor"), |t| t.average(point))
     };
     stage.measure("12", 16, &format!("[lights]\nscale = 2\n{BLACK}{LAMPS}{PAGE}"), read).expect(1.0, 2e-3);
+}
+
+#[test]
+fn a_photometric_profile_of_a_gltf_shines_along_its_axis() {
+    // The same at all heights, another at each quarter turn: 100 to 400 cd.
+    let profile = "IES:LM-63-2019\nTILT=NONE\n1 -1 1 2 5 1 2 0 0 0\n1 1 9\n0 90\n0 90 180 270 360\n\
+        100 100\n200 200\n300 300\n400 400\n100 100\n";
+    // −Z, the axis, becomes −Y; +X stays, and +Y, the horizontal angle 90°, becomes −Z.
+    let node = json!([{ "name": "lamp", "translation": [0, 0.6, 0], "rotation": [-(0.5f64.sqrt()), 0, 0, 0.5f64.sqrt()],
+        "extensions": { "EXT_lights_ies": { "light": 0, "multiplier": 0.5, "color": [1, 1, 1] } } }]);
+    let mut asset: Value = serde_json::from_slice(&lamps(node, json!([]))).unwrap();
+    let uri = base64::engine::general_purpose::STANDARD.encode(profile);
+    asset["extensions"] = json!({ "EXT_lights_ies": { "lights": [
+        { "uri": format!("data:application/x-ies-lm-63;base64,{uri}") }] } });
+    let stage = floor(&[("lamps.gltf", asset.to_string().into_bytes())]);
+    let lamp = dvec3(0.0, 0.6, 0.0);
+    let kilocandela = |p: DVec3| {
+        let turn = (-p.z).atan2(p.x).rem_euclid(std::f64::consts::TAU) / std::f64::consts::FRAC_PI_2;
+        let values = [0.1, 0.2, 0.3, 0.4, 0.1];
+        let low = (turn as usize).min(3);
+        // Half of it, by [lights] three times that.
+        1.5 * (values[low] + (values[low + 1] - values[low]) * (turn - low as f64))
+    };
+    for side in [-1.0, 1.0] {
+        let read = |b: &Baked| {
+            let texels: Vec<_> = b
+                .on("floor")
+                .into_iter()
+                .filter(|t| t.centre().z * side > 0.1 && t.centre().x > 0.1)
+                .collect();
+            b.ratio(&b.group("lamp"), &texels, |t| t.average(|p| kilocandela(p) * from_point(lamp, p)))
+        };
+        stage
+            .measure("12", 16, &format!("[lights]\nscale = 3\n{BLACK}{LAMPS}{PAGE}"), read)
+            .expect(1.0, 3e-3);
+    }
+}
+
+#[test]
+fn what_a_gltf_hides_neither_shines_nor_shades() {
+    let hidden = |rest: Value| {
+        let mut node = rest;
+        node["extensions"]["KHR_node_visibility"] = json!({ "visible": false });
+        node
+    };
+    // The speck, a hundred times as wide, as a roof.
+    let roof = json!({ "name": "roof", "mesh": 0, "scale": [100, 1, 100], "translation": [-2.5, 10, 2.5] });
+    let lamp = json!({ "name": "lamp", "translation": [0, 0.5, 0], "extensions": light(0) });
+    let sky = "[sky]\nmodel = \"constant\"\nradiance = [1, 1, 1]\n";
+    let bake = |nodes: Value| {
+        let stage = floor(&[("lamps.gltf", lamps(nodes, json!([{ "type": "point", "intensity": 1000 }])))]);
+        stage.bake("12", 16, &format!("{sky}{BLACK}{LAMPS}{PAGE}"))
+    };
+    let baked = bake(json!([hidden(roof.clone()), hidden(lamp.clone())]));
+    assert!(baked.dataset.config.groups.is_empty());
+    for texel in baked.on("floor") {
+        let light = common::green(&baked.first(), texel);
+        assert!((light - std::f64::consts::PI).abs() < 0.02, "{light}");
+    }
+    assert_eq!(bake(json!([roof, lamp])).dataset.config.groups.len(), 1);
 }
 
 #[test]

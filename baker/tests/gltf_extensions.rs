@@ -447,10 +447,14 @@ fn what_is_in_the_way_is_told_with_the_command_that_converts_it() {
     // Used, not required: one warning for all.
     let mut asset = Asset::square();
     asset.root["extensionsUsed"] =
-        json!(["KHR_node_visibility", "MSFT_lod", "KHR_materials_sheen", "ACME_notes"]);
+        json!(["EXT_lights_area", "MSFT_lod", "KHR_materials_sheen", "KHR_audio_emitter", "ACME_spheres"]);
     let (_, warnings) = load(&asset.finish()).unwrap();
     let [warning] = &warnings[..] else { panic!("{warnings:?}") };
-    assert!(warning.contains("KHR_node_visibility (") && warning.contains("MSFT_lod ("), "{warning}");
+    assert!(warning.contains("extensions that are not read: EXT_lights_area (write"), "{warning}");
+    assert!(warning.contains("; MSFT_lod (only the first"), "{warning}");
+    // What nobody here has heard of could add, move or hide anything.
+    assert!(warning.contains(", and an extension that is not known: ACME_spheres ("), "{warning}");
+    assert!(!warning.contains("KHR_"), "{warning}");
 }
 
 #[test]

@@ -64,9 +64,9 @@ fn lamps_and_cameras_of_a_file_are_listed() {
     assert!((spot.position(&DMat4::IDENTITY) - DVec3::new(1.0, 4.0, 3.0)).length() < 1e-6);
     assert!((spot.direction(&DMat4::IDENTITY).unwrap() - DVec3::NEG_Y).length() < 1e-6);
     // A node without a name has its light's.
-    assert_eq!((bulb.name.as_str(), bulb.kind, bulb.intensity), ("bulb", FileLampKind::Point, 40.0));
+    assert_eq!((bulb.name.as_str(), &bulb.kind, bulb.intensity), ("bulb", &FileLampKind::Point, 40.0));
     assert_eq!(bulb.colour, DVec3::new(1.0, 0.5, 0.25));
-    assert_eq!((sun.name.as_str(), sun.kind, sun.intensity), ("sun", FileLampKind::Directional, 90000.0));
+    assert_eq!((sun.name.as_str(), &sun.kind, sun.intensity), ("sun", &FileLampKind::Directional, 90000.0));
     let [eye] = &contents.cameras[..] else { panic!("{:?}", contents.cameras) };
     assert_eq!(
         (eye.name.as_str(), eye.position, eye.direction),

@@ -153,15 +153,16 @@ class Scene {
     this.textures = await Promise.all((this.json.textures ?? []).map(texture => this.texture(texture)));
     this.meshes = new Map();
     const roots = this.json.scenes?.[this.json.scene ?? 0]?.nodes ?? [];
-    const left = roots.map(node => [node, IDENTITY, false]);
+    const left = roots.map(node => [node, IDENTITY, { moves: false, hidden: false }]);
     // A node has one parent: more visits than nodes are a cycle.
     for (let visits = 0; left.length > 0; visits++) {
       expect(visits <= this.json.nodes.length, 'nodes of scene.glb that hold one another');
-      const [number, parent, parentMoves] = left.pop(), node = this.json.nodes[number], world = multiply(parent, matrixOf(node));
-      // What moves is no part of the bake: a game lights it.
-      const moves = node.extras?.movable ?? parentMoves;
-      for (const child of node.children ?? []) left.push([child, world, moves]);
-      if (node.mesh !== undefined && !moves) this.addMesh(node, world);
+      const [number, parent, above] = left.pop(), node = this.json.nodes[number], world = multiply(parent, matrixOf(node));
+      // What moves is no part of the bake: a game lights it. What is hidden is not drawn, nor what is below it.
+      const moves = node.extras?.movable ?? above.moves;
+      const hidden = above.hidden || node.extensions?.KHR_node_visibility?.visible === false;
+      for (const child of node.children ?? []) left.push([child, world, { moves, hidden }]);
+      if (node.mesh !== undefined && !moves && !hidden) this.addMesh(node, world);
       if (node.camera !== undefined) this.addCamera(node, world);
     }
     this.draws.sort((a, b) => a.material.blend - b.material.blend || a.material.index - b.material.index);

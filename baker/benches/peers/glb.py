@@ -56,6 +56,8 @@ def read(path: pathlib.Path) -> Scene:
     while stack:
         index, parent, moves = stack.pop()
         node = root["nodes"][index]
+        if node.get("extensions", {}).get("KHR_node_visibility", {}).get("visible") is False:
+            continue
         matrix = parent @ local(node)
         extras = node.get("extras", {})
         moves = extras.get("movable", moves)

@@ -14,7 +14,7 @@ mod primitive;
 mod transform;
 
 use crate::atlas::{Atlas, Face, Placement};
-use crate::geometry::{File, Geometry, Placed, Source};
+use crate::geometry::{File, Geometry, Mesh, Placed, Source};
 use crate::{Error, Result};
 use carry::{Carried, MaterialKey, asset};
 use container::Glb;
@@ -178,7 +178,7 @@ impl Writer<'_> {
                 self.nodes[inner].insert("extras".into(), extras.clone());
             }
             for &old in &asset.nodes {
-                let mut node = self.carried.node(object.file, old, asset);
+                let mut node = self.carried.node(object.file, old, asset, &mut self.out);
                 remove_own_extras(&mut node);
                 let new = self.push(node);
                 self.motion.nodes.insert((number, old), new);
@@ -211,6 +211,12 @@ impl Writer<'_> {
                 all.push(i);
             }
             let node = match (sources[first].node, sources[first].repeat) {
+                (Some(old), _)
+                    if sources[first].is_skinned && matches!(sources[first].placed, Placed::Baked(_)) =>
+                {
+                    let original = self.motion.nodes[&(number, old)];
+                    self.of_skin(inner, original, &file.meshes[sources[first].mesh])
+                }
                 (Some(old), None) => self.motion.nodes[&(number, old)],
                 (Some(old), Some((_, node_from_instance))) => {
                     let parent = self.motion.nodes[&(number, old)];
@@ -232,7 +238,40 @@ impl Writer<'_> {
             };
             self.show(node, &all)?;
         }
+        // What the file hides, as it is in the file.
+        for hidden in file.hidden.chunk_by(|a, b| (a.node, a.repeat) == (b.node, b.repeat)) {
+            let parent = self.motion.nodes[&(number, hidden[0].node)];
+            let node = match hidden[0].repeat {
+                _ if hidden[0].is_skinned => {
+                    let node = self.of_skin(inner, parent, &file.meshes[hidden[0].mesh]);
+                    let extensions = json!({ "KHR_node_visibility": { "visible": false } });
+                    self.nodes[node].insert("extensions".into(), extensions);
+                    node
+                }
+                None => parent,
+                Some(node_from_instance) => self.child(parent, &DAffine3::from_mat4(node_from_instance)),
+            };
+            let keys = hidden.iter().map(|hidden| self.own_key(object.file, hidden.mesh)).collect();
+            let mesh = self.mesh(keys)?;
+            self.nodes[node].insert("mesh".into(), json!(mesh));
+        }
         Ok(root.unwrap_or(inner))
+    }
+
+    /// A node for a mesh that a skin places, of the name of the mesh's own node, in the space of the file,
+    /// whose node is `inner`.
+    fn of_skin(&mut self, inner: usize, original: usize, mesh: &Mesh) -> usize {
+        let mut node = Map::new();
+        if let Some(name) = self.nodes[original].get("name") {
+            node.insert("name".into(), name.clone());
+        }
+        let origin = primitive::origin(mesh);
+        if origin != DVec3::ZERO {
+            node.insert("translation".into(), json!(origin.to_array()));
+        }
+        let node = self.push(node);
+        self.adopt(inner, node);
+        node
     }
 
     /// A child of a node's name.
@@ -299,6 +338,27 @@ impl Writer<'_> {
             self.deform(node, &source, deformed);
         }
         Ok(())
+    }
+
+    /// The primitive that shows a mesh of a glTF as the file does.
+    fn own_key(&self, file: usize, number: usize) -> Key {
+        let mesh = &self.geometry.originals.files[file].meshes[number];
+        let root = &asset(self.geometry, file).root;
+        let primitive =
+            mesh.primitive.map(|(mesh, primitive)| &root["meshes"][mesh]["primitives"][primitive]);
+        let original =
+            primitive.and_then(|primitive| primitive["material"].as_u64()).map(|index| index as usize);
+        let material = original.map(|index| MaterialKey {
+            of: (file, mesh.material),
+            original: Some((file, index)),
+            material_index: None,
+            emission: None,
+            is_recoloured: false,
+            is_movable: false,
+            moved: (carry::reads_second_set(&root["materials"][index]) && !mesh.lightmap_uvs.is_empty())
+                .then_some(1),
+        });
+        (file, number, Part::Plain, material)
     }
 
     /// The primitives that show a source, one for each of its places, or one if it has none.

@@ -430,3 +430,95 @@ fn ten_thousand_nodes_below_each_other_go_over() {
     assert_eq!(root["nodes"].as_array().unwrap().len(), 10_001);
     expect_same(&geometry, &atlas, 0, &shown(&glb)[0], &shown(&glb)[0].primitives[0]);
 }
+
+/// Triangles of an asset's mesh 0, as a skin and morph targets make them, and what is hidden.
+fn posed() -> Value {
+    let floats = |values: &[f32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
+    let corners = [0., 0., 0., 1., 0., 0., 0., 1., 0.];
+    let (up, tangents) = ([0., 0., 1.].repeat(3), [1., 0., 0., 1.].repeat(3));
+    let weights = [0.5, 0.25, 0., 0.].repeat(3);
+    let bytes =
+        [floats(&corners), floats(&up), floats(&tangents), floats(&weights), [0, 1, 0, 0].repeat(3)].concat();
+    let uri = base64::engine::general_purpose::STANDARD.encode(&bytes);
+    let view = |at: usize, length: usize| json!({ "buffer": 0, "byteOffset": at, "byteLength": length });
+    let accessor =
+        |view: usize, of: &str| json!({ "bufferView": view, "componentType": 5126, "count": 3, "type": of });
+    let attributes = json!({ "POSITION": 0, "NORMAL": 1, "TANGENT": 2, "WEIGHTS_0": 3, "JOINTS_0": 4 });
+    let hidden = json!({ "KHR_node_visibility": { "visible": false } });
+    json!({
+        "asset": { "version": "2.0" }, "extensionsUsed": ["KHR_node_visibility", "EXT_lights_ies"],
+        "extensionsRequired": ["KHR_node_visibility"],
+        "extensions": { "EXT_lights_ies": { "lights": [{ "uri": "data:application/x-ies-lm-63;base64,SUVTTkE6TE0tNjMtMjAwMgpUSUxUPU5PTkUKMSAtMSAxIDIgMSAxIDIgMCAwIDAKMSAxIDkKMCA5MAowCjIwMCA1MAo=" }] } },
+        "scenes": [{ "nodes": [0, 1, 3, 4] }],
+        "nodes": [
+            { "name": "ground", "mesh": 1, "translation": [0, -3, 0], "scale": [9, 9, 9] },
+            { "name": "body", "mesh": 0, "skin": 0, "translation": [0, 70, 0], "scale": [3, 3, -3], "children": [2],
+              "extensions": { "EXT_lights_ies": { "light": 0, "multiplier": 3 } } },
+            { "name": "left", "translation": [0, 0, 2], "rotation": [0, 0.6, 0, 0.8] },
+            { "name": "right", "translation": [5, 1, 0] },
+            { "name": "store", "extensions": hidden, "children": [5, 6] },
+            { "name": "spare", "mesh": 1, "translation": [0, 0, 7] },
+            { "name": "spare body", "mesh": 0, "skin": 0 },
+        ],
+        "skins": [{ "joints": [2, 3] }],
+        "meshes": [
+            { "name": "figure", "weights": [2], "primitives": [{ "attributes": attributes, "targets": [{ "POSITION": 1 }] }] },
+            { "name": "plate", "primitives": [{ "attributes": { "POSITION": 0 } }] },
+        ],
+        "accessors": [
+            { "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0] },
+            accessor(1, "VEC3"), accessor(2, "VEC4"), accessor(3, "VEC4"),
+            { "bufferView": 4, "componentType": 5121, "count": 3, "type": "VEC4" },
+        ],
+        "bufferViews": [view(0, 36), view(36, 36), view(72, 48), view(120, 48), view(168, 12)],
+        "buffers": [{ "byteLength": bytes.len(), "uri": format!("data:application/octet-stream;base64,{uri}") }],
+    })
+}
+
+#[test]
+fn poses_are_written_as_they_were_baked_and_what_is_hidden_stays() {
+    let geometry = load_with("[[object]]\nfile = \"a.gltf\"\ntranslate = [1, 2, 3]\n", &posed());
+    let atlas = built(&geometry, 128, 128, 1);
+    assert_eq!(geometry.instances.len(), 2);
+    let (glb, root, _) = read(&geometry, &atlas);
+    let all = shown(&glb);
+    let named = |name: &str| all.iter().find(|s| s.name == name).unwrap_or_else(|| panic!("{name}"));
+    for (i, instance) in geometry.instances.iter().enumerate() {
+        let node = named(if instance.name.contains("body") { "body" } else { "ground" });
+        expect_same(&geometry, &atlas, i, node, &node.primitives[0]);
+    }
+    // What is baked needs no joints to be drawn; the node that has them not any more keeps its lamp.
+    assert!(
+        root.get("skins").is_none()
+            && !root.to_string().contains("JOINTS_0")
+            && root["meshes"][1].get("weights").is_none()
+    );
+    let lamp = root["nodes"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|node| node["extensions"].get("EXT_lights_ies").is_some());
+    assert_eq!(lamp.unwrap()["extensions"]["EXT_lights_ies"], json!({ "light": 0, "multiplier": 3 }));
+    let profile = &root["extensions"]["EXT_lights_ies"]["lights"][0];
+    let view = &root["bufferViews"][profile["bufferView"].as_u64().unwrap() as usize];
+    let at = view["byteOffset"].as_u64().unwrap_or(0) as usize;
+    assert!(glb.blob.as_ref().unwrap()[at..].starts_with(b"IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 2"));
+    // Hidden by the node above, or, in the space of the file, by its own.
+    let (spare, body) = (named("spare"), named("spare body"));
+    assert_eq!(
+        (spare.parent.as_str(), spare.place, body.parent.as_str(), body.place),
+        ("store", None, "a", None)
+    );
+    assert_eq!(spare.primitives[0].positions, [Vec3::ZERO, Vec3::X, Vec3::Y]);
+    let hidden: Vec<_> = root["nodes"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter(|n| n["extensions"]["KHR_node_visibility"]["visible"] == false)
+        .collect();
+    assert_eq!(
+        hidden.iter().map(|node| node["name"].as_str().unwrap()).collect::<Vec<_>>(),
+        ["store", "spare body"]
+    );
+    assert_eq!(root["extensionsRequired"], json!(["KHR_node_visibility"]));
+}

@@ -1,9 +1,11 @@
 //! Lamps and cameras of a geometry file, as the file gives them: for what places lamps and writes scene
 //! files.
 
+use crate::scene::Profile;
 use glam::{DMat4, DVec3};
+use std::sync::Arc;
 
-/// A lamp of a geometry file (`KHR_lights_punctual`).
+/// A lamp of a geometry file (`KHR_lights_punctual`, `EXT_lights_ies`).
 #[derive(Clone, Debug, PartialEq)]
 pub struct FileLamp {
     /// The node's name, else the light's, else `lamp N`.
@@ -16,14 +18,14 @@ pub struct FileLamp {
     pub kind: FileLampKind,
     /// Linear Rec. 709.
     pub colour: DVec3,
-    /// Candela; lux for a directional light.
+    /// Candela, the greatest of a photometric profile; lux for a directional light.
     pub intensity: f64,
     /// Places it: it stands at the origin and shines along −Z.
     pub file_from_lamp: DMat4,
 }
 
 /// The kind of a lamp of a geometry file.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum FileLampKind {
     /// Parallel light from far away.
     Directional,
@@ -36,6 +38,8 @@ pub enum FileLampKind {
         /// Half angle in radians, greater than `inner`.
         outer: f64,
     },
+    /// Shines as a photometric profile says: its vertical angle 0 is −Z, its horizontal angle 0 +X.
+    Ies(Arc<Profile>),
 }
 
 /// A perspective camera of a geometry file.
@@ -69,6 +73,13 @@ impl FileLamp {
     /// The unit direction of its light under a transform; `None` where the transform leaves none.
     pub fn direction(&self, world_from_file: &DMat4) -> Option<DVec3> {
         direction(&(*world_from_file * self.file_from_lamp))
+    }
+
+    /// The unit direction, perpendicular to that of its light, that its +X comes nearest under a transform.
+    pub fn sideways(&self, world_from_file: &DMat4, direction: DVec3) -> DVec3 {
+        let x = (*world_from_file * self.file_from_lamp).transform_vector3(DVec3::X);
+        let across = (x / x.abs().max_element()).reject_from_normalized(direction);
+        across.try_normalize().unwrap_or_else(|| direction.any_orthonormal_vector())
     }
 }
 

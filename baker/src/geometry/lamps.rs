@@ -6,6 +6,7 @@ use super::model::Model;
 use super::notes::{self, Notes};
 use crate::scene::{Lamp, Scene, Sky, Sun, SunKey, SunTrack};
 use glam::DVec3;
+use std::f64::consts::PI;
 
 /// A lamp of a file this near to one of the scene file is the same, in metres.
 const SAME_LAMP: f64 = 0.1;
@@ -47,7 +48,7 @@ pub(super) fn lamps(
             let light = light.min(DVec3::splat(BRIGHTEST));
             for world_from_file in &object.world_from_file {
                 let (position, direction) = (lamp.position(world_from_file), lamp.direction(world_from_file));
-                let direction = match (lamp.kind, direction) {
+                let direction = match (&lamp.kind, direction) {
                     (FileLampKind::Point, _) => DVec3::NEG_Y,
                     (_, Some(direction)) => direction,
                     (_, None) => {
@@ -74,7 +75,7 @@ pub(super) fn lamps(
                     notes.add(&file, "lamp", &lamp.name, what);
                     continue;
                 }
-                let made = match lamp.kind {
+                let made = match &lamp.kind {
                     FileLampKind::Directional => {
                         if let Some(what) = why_no_sun(scene, -direction, light) {
                             notes.add(&file, "directional light", &lamp.name, what);
@@ -88,9 +89,18 @@ pub(super) fn lamps(
                         continue;
                     }
                     FileLampKind::Point => Lamp::Point { position, intensity: light },
-                    FileLampKind::Spot { inner, outer } => {
+                    &FileLampKind::Spot { inner, outer } => {
                         Lamp::Spot { position, direction, inner, outer, intensity: light }
                     }
+                    FileLampKind::Ies(profile) => Lamp::Ies {
+                        position,
+                        direction,
+                        up: lamp.sideways(world_from_file, direction),
+                        inner: PI,
+                        outer: PI,
+                        intensity: light,
+                        profile: profile.clone(),
+                    },
                 };
                 found.lamps.push((groups.of(&names), made));
             }

@@ -2,7 +2,7 @@
 
 use super::lamps::lamps;
 use super::lights::Groups;
-use super::model::{Mesh, Model};
+use super::model::{Mesh, Model, NodeMesh, normal_matrix};
 use super::motion::index;
 use super::movable::{LeftOut, lamps_that_move, moving};
 use super::near::unmatched;
@@ -209,8 +209,15 @@ fn read_file(object: &Object, textures: &mut TextureStore, notes: &mut Notes) ->
             return Err(Error::unsupported(&object.source_line, what));
         }
     };
-    if model.placements.iter().all(|p| model.meshes[p.mesh].triangles.is_empty()) {
-        return Err(Error::invalid(object.file.display(), "expected at least one triangle"));
+    let has_triangles = |p: &&NodeMesh| !model.meshes[p.mesh].triangles.is_empty();
+    match model.placements.iter().filter(has_triangles).map(|p| p.is_hidden).min() {
+        Some(false) => {}
+        Some(true) => {
+            let what =
+                "all of its meshes are hidden (KHR_node_visibility): expected at least one that is visible";
+            return Err(Error::invalid(object.file.display(), what));
+        }
+        None => return Err(Error::invalid(object.file.display(), "expected at least one triangle")),
     }
     Ok(model)
 }
@@ -390,12 +397,4 @@ fn area_vector([a, b, c]: [Vec3; 3]) -> DVec3 {
 /// The plane's unit normal; up for a triangle without area.
 fn flat_normal(corners: [Vec3; 3]) -> Vec3 {
     area_vector(corners).try_normalize().unwrap_or(DVec3::Y).as_vec3()
-}
-
-/// The inverse transpose up to a positive factor: cofactors, which exist for flattening transforms too, with
-/// the sign of the determinant.
-fn normal_matrix(linear: DMat3) -> DMat3 {
-    let [x, y, z] = [linear.x_axis, linear.y_axis, linear.z_axis];
-    let cofactors = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y));
-    if linear.determinant() < 0.0 { -cofactors } else { cofactors }
 }

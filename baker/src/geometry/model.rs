@@ -5,8 +5,9 @@ use super::motion::Motion;
 use super::names::{Names, Tree};
 use super::{Glass, LightmapPlace};
 use dataset::{Error, Result};
-use glam::{DMat4, DVec3, Vec2, Vec3, Vec4};
+use glam::{DMat3, DMat4, DVec3, Vec2, Vec3, Vec4};
 use serde_json::Value;
+use std::collections::BTreeMap;
 
 /// Albedo of surfaces for which a file gives none.
 pub(super) const DEFAULT_ALBEDO: f32 = 0.5;
@@ -35,6 +36,10 @@ pub(super) struct NodeMesh {
     /// Where it stands relative to the node, and as which of the node's instances, if that has several.
     pub repeat: Option<(usize, DMat4)>,
     pub file_from_mesh: DMat4,
+    /// Whether a skin places it, so that it does not stand where its node does.
+    pub is_skinned: bool,
+    /// Whether the file hides it: it is not baked.
+    pub is_hidden: bool,
     /// Where the node says that its lightmap lies.
     pub lightmap_place: LightmapPlace,
 }
@@ -139,6 +144,8 @@ pub(crate) struct Asset {
     pub images: Vec<Option<Vec<u8>>>,
     /// What lets it move; an error says why that cannot be read.
     pub motion: Motion,
+    /// The bytes of its photometric profiles, by their index.
+    pub profiles: BTreeMap<usize, Vec<u8>>,
 }
 
 /// A material of a file.
@@ -250,4 +257,12 @@ pub(super) fn reason(error: &Error) -> String {
         Error::Invalid { what, .. } | Error::Unsupported { what, .. } => what.clone(),
         other => other.to_string(),
     }
+}
+
+/// The inverse transpose up to a positive factor: cofactors, which exist for flattening transforms too, with
+/// the sign of the determinant.
+pub(super) fn normal_matrix(linear: DMat3) -> DMat3 {
+    let [x, y, z] = [linear.x_axis, linear.y_axis, linear.z_axis];
+    let cofactors = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y));
+    if linear.determinant() < 0.0 { -cofactors } else { cofactors }
 }

@@ -120,6 +120,8 @@ pub(super) fn load(
             mesh: model.meshes.len(),
             node: None,
             repeat: None,
+            is_skinned: false,
+            is_hidden: false,
             file_from_mesh: DMat4::IDENTITY,
             lightmap_place: LightmapPlace::Unsaid,
         });

@@ -1,7 +1,7 @@
 //! What the scene's files hold beside surfaces: kept, so that they can be written again with a lightmap.
 
 use super::contents::FileCamera;
-use super::model::{Asset, Mesh, Model};
+use super::model::{Asset, Mesh, Model, NodeMesh};
 use super::motion::Motion;
 use super::movable::{LeftOut, Moving};
 use super::{Glass, Material};
@@ -41,8 +41,23 @@ pub(crate) struct File {
     pub materials: Vec<String>,
     /// Its cameras.
     pub cameras: Vec<FileCamera>,
+    /// What the file hides: it is not baked.
+    pub hidden: Vec<Hidden>,
     /// What only a glTF holds.
     pub gltf: Option<Asset>,
+}
+
+/// A mesh of a glTF that the file hides.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Hidden {
+    /// Index into the meshes of its file.
+    pub mesh: usize,
+    /// Index of its node.
+    pub node: usize,
+    /// As of [`Source`].
+    pub is_skinned: bool,
+    /// Where it stands relative to its node, if that has instances.
+    pub repeat: Option<DMat4>,
 }
 
 /// A file at a place in the world.
@@ -73,6 +88,8 @@ pub(crate) struct Source {
     pub mesh: usize,
     /// Index of its node in the glTF.
     pub node: Option<usize>,
+    /// Whether a skin places it, in the space of the file.
+    pub is_skinned: bool,
     /// Where it stands relative to its node, and as which of the node's instances.
     pub repeat: Option<(usize, DMat4)>,
     /// What of its material the scene file overrides.
@@ -115,7 +132,15 @@ impl File {
         unnamed.for_each(|mesh| mesh.name.clone_from(&name));
         let materials = model.materials.into_iter().map(|material| material.name).collect();
         let cameras = model.contents.cameras;
-        File { name, meshes: model.meshes, materials, cameras, gltf: model.asset }
+        let of = |p: &NodeMesh| {
+            let repeat = p.repeat.map(|(_, node_from_instance)| node_from_instance);
+            let node = model.tree.nodes.get(p.node?)?.index;
+            Some(Hidden { mesh: p.mesh, node, is_skinned: p.is_skinned, repeat })
+        };
+        let hidden =
+            model.placements.iter().filter(|p| p.is_hidden && !model.meshes[p.mesh].triangles.is_empty());
+        let hidden = hidden.filter_map(of).collect();
+        File { name, meshes: model.meshes, materials, cameras, hidden, gltf: model.asset }
     }
 }
 
@@ -136,9 +161,9 @@ impl Originals {
             hash.update(file.name.as_bytes()).update(&[0]);
             for asset in file.gltf.iter() {
                 hash.update(asset.root.to_string().as_bytes());
-                for image in asset.images.iter().flatten() {
-                    hash.update(image);
-                }
+                asset.images.iter().flatten().chain(asset.profiles.values()).for_each(|bytes| {
+                    hash.update(bytes);
+                });
                 asset.motion.update_digest(hash);
             }
             for attribute in file.meshes.iter().flat_map(|mesh| &mesh.attributes) {

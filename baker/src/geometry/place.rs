@@ -81,6 +81,9 @@ pub(super) fn place<'a>(
         }
         let names = model.names_of_mesh(placement);
         let overrides = resolve(object, &names, matched);
+        if placement.is_hidden {
+            continue;
+        }
         let movable = overrides.movable.or(model.tree.movable(placement.node)).unwrap_or(false);
         let material = &model.materials[mesh.material];
         let (emission, materials, albedo_max) = match movable {
@@ -139,6 +142,7 @@ pub(super) fn place<'a>(
                 object: first_object + i,
                 mesh: placement.mesh,
                 node: placement.node.map(|node| model.tree.nodes[node].index),
+                is_skinned: placement.is_skinned,
                 repeat: placement.repeat,
                 changed: Changed::by(overrides),
                 placed: originals::Placed::Movable(*material),

@@ -12,7 +12,7 @@ const MOST_BYTES: u64 = 16 << 20;
 
 /// How a luminaire shines, by direction. Type C: vertical angles from its axis (0, the nadir of a ceiling
 /// lamp), horizontal ones about it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Profile {
     /// Degrees, ascending, at least two.
     vertical: Vec<f64>,

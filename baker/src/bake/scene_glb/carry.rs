@@ -12,6 +12,8 @@ use std::collections::BTreeMap;
 const NODE_EXTENSIONS: &[&str] = &["KHR_node_hoverability", "KHR_node_selectability", "KHR_node_visibility"];
 /// The extension of lights.
 const LIGHTS: &str = "KHR_lights_punctual";
+/// The extension of lamps that shine as photometric profiles say.
+const PROFILES: &str = "EXT_lights_ies";
 
 /// The extension that says a colour in an older way.
 const GLOSSINESS: &str = "KHR_materials_pbrSpecularGlossiness";
@@ -70,6 +72,7 @@ pub struct Carried {
     pub images: Vec<Value>,
     pub cameras: Vec<Value>,
     pub lights: Vec<Value>,
+    pub profiles: Vec<Value>,
     known: BTreeMap<(&'static str, usize, usize), usize>,
     known_materials: BTreeMap<MaterialKey, usize>,
     known_textures: BTreeMap<Baked, usize>,
@@ -324,7 +327,7 @@ impl Carried {
     }
 
     /// A node of a file without what names meshes, skins and children; with its camera and light.
-    pub fn node(&mut self, file: usize, index: usize, asset: &Asset) -> Map<String, Value> {
+    pub fn node(&mut self, file: usize, index: usize, asset: &Asset, out: &mut Glb) -> Map<String, Value> {
         let original = &asset.root["nodes"][index];
         let mut node = original.as_object().cloned().unwrap_or_default();
         for key in ["mesh", "skin", "weights", "children", "camera", "extensions"] {
@@ -348,6 +351,14 @@ impl Carried {
                     extensions.insert(name.clone(), json!({ "light": light }));
                 }
             }
+            if name == PROFILES {
+                let light = extension["light"].as_u64();
+                if let Some(light) = light.and_then(|at| self.profile(file, at as usize, asset, out)) {
+                    let mut lamp = extension.clone();
+                    lamp["light"] = json!(light);
+                    extensions.insert(name.clone(), lamp);
+                }
+            }
         }
         if !extensions.is_empty() {
             node.insert("extensions".into(), Value::Object(extensions));
@@ -355,10 +366,30 @@ impl Carried {
         node
     }
 
+    /// The new index of a photometric profile, whose bytes go into the file; `None` if they could not be
+    /// read.
+    fn profile(&mut self, file: usize, index: usize, asset: &Asset, out: &mut Glb) -> Option<usize> {
+        if let Some(&known) = self.known.get(&("profile", file, index)) {
+            return Some(known);
+        }
+        let bytes = asset.profiles.get(&index)?;
+        let mut profile = asset.root["extensions"][PROFILES]["lights"].get(index)?.clone();
+        profile.as_object_mut()?.remove("uri");
+        profile["bufferView"] = json!(out.view(bytes, None));
+        profile["mimeType"] = json!("application/x-ies-lm-63");
+        self.profiles.push(profile);
+        self.known.insert(("profile", file, index), self.profiles.len() - 1);
+        Some(self.profiles.len() - 1)
+    }
+
     /// The root's own extensions.
     pub fn root_extensions(&mut self) -> Option<Value> {
-        let lights = std::mem::take(&mut self.lights);
-        (!lights.is_empty()).then(|| json!({ LIGHTS: { "lights": lights } }))
+        let lists =
+            [(LIGHTS, std::mem::take(&mut self.lights)), (PROFILES, std::mem::take(&mut self.profiles))];
+        let used = lists.into_iter().filter(|(_, lights)| !lights.is_empty());
+        let extensions: Map<String, Value> =
+            used.map(|(name, lights)| (name.to_owned(), json!({ "lights": lights }))).collect();
+        (!extensions.is_empty()).then_some(Value::Object(extensions))
     }
 }
 
@@ -378,6 +409,7 @@ pub fn asset(geometry: &Geometry, file: usize) -> &Asset {
         scene: Value::Null,
         images: Vec::new(),
         motion: Motion::NONE,
+        profiles: BTreeMap::new(),
     };
     geometry.originals.files[file].gltf.as_ref().unwrap_or(&NONE)
 }

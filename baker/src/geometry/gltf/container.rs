@@ -4,11 +4,16 @@ use base64::Engine;
 use dataset::{Error, Result};
 use std::path::Path;
 
+/// What some editors put in front of UTF-8, although JSON forbids it.
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
 /// Splits a file into its JSON and, if it is a GLB with one, its binary chunk.
 pub(super) fn split<'a>(bytes: &'a [u8], place: &str) -> Result<(&'a [u8], Option<&'a [u8]>)> {
     if bytes.is_empty() {
         return Err(Error::invalid(place, "the file is empty: expected glTF"));
     }
+    let plain = |json: &'a [u8]| json.strip_prefix(BYTE_ORDER_MARK).unwrap_or(json);
+    let bytes = plain(bytes);
     if !bytes.starts_with(b"glTF") {
         if place.to_ascii_lowercase().ends_with(".glb") && !bytes.trim_ascii_start().starts_with(b"{") {
             return Err(Error::invalid(place, "not a GLB: expected it to begin with \"glTF\""));
@@ -40,7 +45,7 @@ pub(super) fn split<'a>(bytes: &'a [u8], place: &str) -> Result<(&'a [u8], Optio
         }
         at = end.next_multiple_of(4);
     }
-    Ok((json.ok_or_else(torn)?, binary))
+    Ok((plain(json.ok_or_else(torn)?), binary))
 }
 
 /// Reads what a URI names: base64 data, or a file beside the asset.

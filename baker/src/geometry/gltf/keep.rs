@@ -8,18 +8,19 @@ use crate::geometry::model::{self, Attribute};
 use gltf::accessor::{Accessor, Dimensions};
 use gltf::mesh::Semantic;
 use serde_json::Value;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// What stands in the JSON for the sake of bytes, and what `motion` keeps.
 const LEFT_OUT: &[&str] = &["accessors", "animations", "bufferViews", "buffers", "skins"];
 
-/// The asset but its triangles. `materials` are those in use.
+/// The asset but its triangles. `materials` are those in use, `profiles` the bytes of photometric files.
 pub(super) fn asset(
     asset: &material::OpenAsset,
     nodes: Vec<usize>,
     roots: Vec<usize>,
     scene: Option<usize>,
     materials: impl Iterator<Item = usize>,
+    profiles: BTreeMap<usize, Vec<u8>>,
 ) -> model::Asset {
     let mut root = asset.root.clone();
     if let Some(root) = root.as_object_mut() {
@@ -34,7 +35,7 @@ pub(super) fn asset(
     let images =
         (0..count).map(|image| wanted.contains(&image).then(|| image_bytes(asset, image))?).collect();
     let motion = motion::read(asset);
-    model::Asset { root, nodes, roots, scene, images, motion }
+    model::Asset { root, nodes, roots, scene, images, profiles, motion }
 }
 
 /// Adds the indices of the textures that a material names, wherever it does.

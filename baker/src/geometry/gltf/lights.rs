@@ -73,8 +73,8 @@ pub(super) fn check(root: &Value, file: &str) -> Result<()> {
     Ok(())
 }
 
-/// Adds the lamps and cameras of a node, whose place in the tree of nodes is `place`.
-pub(super) fn read(
+/// Adds the lamp of a node, whose place in the tree of nodes is `place`.
+pub(super) fn read_lamp(
     node: &gltf::Node,
     place: usize,
     file_from_node: DMat4,
@@ -83,11 +83,7 @@ pub(super) fn read(
     notes: &mut Notes,
 ) {
     if let Some(light) = node.light() {
-        let names = [node.name(), light.name()].into_iter().flatten().map(valid);
-        let mut names: Vec<String> = names.filter(|name| !name.is_empty()).collect();
-        if names.is_empty() {
-            names.push(format!("lamp {}", node.index()));
-        }
+        let names = lamp_names(node, light.name());
         let name = names[0].clone();
         match lamp(&light) {
             Ok((kind, colour, intensity)) => contents.lamps.push(FileLamp {
@@ -102,6 +98,10 @@ pub(super) fn read(
             Err(what) => notes.add(file, "lamp", name, what),
         }
     }
+}
+
+/// Adds the camera of a node.
+pub(super) fn read_camera(node: &gltf::Node, file_from_node: DMat4, contents: &mut Contents) {
     if let Some(camera) = node.camera() {
         let names = [node.name(), camera.name()].into_iter().flatten().map(valid);
         let name =
@@ -142,6 +142,16 @@ fn lamp(
         }
     };
     Ok((kind, colour, intensity))
+}
+
+/// What a lamp is called: after its node and itself; where both have no name, by number.
+pub(super) fn lamp_names(node: &gltf::Node, own: Option<&str>) -> Vec<String> {
+    let names = [node.name(), own].into_iter().flatten().map(valid);
+    let mut names: Vec<String> = names.filter(|name| !name.is_empty()).collect();
+    if names.is_empty() {
+        names.push(format!("lamp {}", node.index()));
+    }
+    names
 }
 
 /// A name that a group can have: without control characters and blanks at its ends.

@@ -12,6 +12,8 @@ mod glass;
 mod instancing;
 mod keep;
 mod motion;
+mod photometric;
+mod pose;
 
 use super::LightmapPlace;
 use super::model::{Mesh, Model, NodeMesh};
@@ -24,6 +26,8 @@ use glam::{DMat4, DQuat, DVec3, Vec2, Vec3, Vec4};
 use gltf::material::AlphaMode;
 use gltf::mesh::{Mode, Semantic};
 use material::{OpenAsset, UvSource};
+use photometric::Profiles;
+use pose::{Pose, Skins};
 use serde_json::Value;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -38,22 +42,43 @@ pub(super) fn load(path: &Path, textures: &mut TextureStore, notes: &mut Notes) 
     // What the crate does not know stands in the same JSON as plain values.
     let root: Value =
         serde_json::from_slice(json).map_err(|e| Error::invalid(&file, format!("not glTF 2.0: {e}")))?;
+    extensions::check_version(&root, &file)?;
     if let Some(unread) = extensions::check(&root, &file)? {
         notes.add_line(&file, unread);
     }
     lights::check(&root, &file)?;
-    let document = document(json, &file)?;
+    photometric::check(&root, &file)?;
+    let document = document(json, &root, &file)?;
     let plain = buffers(&document, &root, binary, folder, &file)?;
     let decoded = meshopt::decode_views(&root, &plain, &file)?;
     let buffers = Buffers { plain, decoded };
     let asset = OpenAsset { file: &file, folder, document: &document, root: &root, buffers: &buffers };
-    Reader { asset, textures, notes, model: Model::default(), materials: BTreeMap::new(), skipped: 0 }.read()
+    Reader {
+        asset,
+        textures,
+        notes,
+        model: Model::default(),
+        materials: BTreeMap::new(),
+        skins: Skins::default(),
+        profiles: Profiles::default(),
+        skipped: 0,
+    }
+    .read()
 }
 
 /// Parses and checks the JSON.
-fn document(json: &[u8], file: &str) -> Result<gltf::Document> {
-    let mut root: gltf::json::Root = gltf::json::deserialize::from_slice(json)
-        .map_err(|e| Error::invalid(file, format!("not glTF 2.0: {e}")))?;
+fn document(json: &[u8], root: &Value, file: &str) -> Result<gltf::Document> {
+    let parsed = match root.get("animations") {
+        None => gltf::json::deserialize::from_slice(json),
+        // They are not played, and the crate refuses those of other things than nodes.
+        Some(_) => {
+            let mut still = root.clone();
+            still.as_object_mut().map(|still| still.remove("animations"));
+            gltf::json::deserialize::from_value(still)
+        }
+    };
+    let mut root: gltf::json::Root =
+        parsed.map_err(|e| Error::invalid(file, format!("not glTF 2.0: {e}")))?;
     // The crate's own check of positions reads past the list of accessors.
     for (i, mesh) in root.meshes.iter().enumerate() {
         for (semantic, accessor) in mesh.primitives.iter().flat_map(|p| &p.attributes) {
@@ -116,6 +141,8 @@ struct Reader<'a> {
     /// By the material's index in the asset, and what vertices add to it: its index in the model, and where
     /// the coordinates of its base colour and of its emission come from.
     materials: BTreeMap<(Option<usize>, Vertices), (usize, UvSource, UvSource)>,
+    skins: Skins,
+    profiles: Profiles,
     /// Primitives of points or lines.
     skipped: usize,
 }
@@ -136,21 +163,22 @@ impl Reader<'_> {
         let document = self.asset.document;
         let scene = document.default_scene().or(document.scenes().next());
         let number = scene.as_ref().map(gltf::Scene::index);
-        let mut stack: Vec<(gltf::Node, DMat4, Option<usize>)> = match scene {
-            Some(scene) => scene.nodes().map(|n| (n, DMat4::IDENTITY, None)).collect(),
+        // Each with where its parent stands, the parent's place in the tree, and whether that is hidden.
+        let mut stack: Vec<(gltf::Node, DMat4, Option<usize>, bool)> = match scene {
+            Some(scene) => scene.nodes().map(|n| (n, DMat4::IDENTITY, None, false)).collect(),
             None => {
                 let mut is_child = vec![false; document.nodes().count()];
                 document.nodes().flat_map(|n| n.children()).for_each(|c| is_child[c.index()] = true);
                 let roots = document.nodes().filter(|n| !is_child[n.index()]);
-                roots.map(|n| (n, DMat4::IDENTITY, None)).collect()
+                roots.map(|n| (n, DMat4::IDENTITY, None, false)).collect()
             }
         };
         let roots = stack.iter().map(|(node, ..)| node.index()).collect();
         stack.reverse();
         // Depth first, in the file's order. Nodes form a tree: none is met twice.
         let (mut met, mut order) = (vec![false; document.nodes().count()], Vec::new());
-        let mut primitives: BTreeMap<usize, std::ops::Range<usize>> = BTreeMap::new();
-        while let Some((node, file_from_parent, parent)) = stack.pop() {
+        let mut primitives: BTreeMap<(usize, Pose), std::ops::Range<usize>> = BTreeMap::new();
+        while let Some((node, file_from_parent, parent, is_hidden)) = stack.pop() {
             let name = node.name().map_or_else(|| format!("node {}", node.index()), str::to_owned);
             let place = format!("{}: {name}", self.asset.file);
             if std::mem::replace(&mut met[node.index()], true) {
@@ -161,7 +189,9 @@ impl Reader<'_> {
             if !file_from_node.is_finite() {
                 return Err(Error::invalid(place, "its transform: expected finite numbers"));
             }
-            let movable = motion::movable(&self.asset.root["nodes"][node.index()]).unwrap_or_else(|what| {
+            let json = &self.asset.root["nodes"][node.index()];
+            let is_hidden = is_hidden || extensions::hides(json, &place)?;
+            let movable = motion::movable(json).unwrap_or_else(|what| {
                 self.notes.add(self.asset.file, "node", &name, what);
                 None
             });
@@ -172,49 +202,60 @@ impl Reader<'_> {
                 parent,
                 movable,
             });
-            if node.light().is_some() || node.camera().is_some() {
-                let (file, contents) = (self.asset.file, &mut self.model.contents);
-                lights::read(&node, in_tree, file_from_node, file, contents, self.notes);
+            let (file, contents) = (self.asset.file, &mut self.model.contents);
+            if !is_hidden {
+                lights::read_lamp(&node, in_tree, file_from_node, file, contents, self.notes);
+                self.profiles.read(&self.asset, &node, in_tree, file_from_node, contents, self.notes)?;
             }
+            lights::read_camera(&node, file_from_node, contents);
             if let Some(mesh) = node.mesh() {
                 let lightmap_place = lightmap_place(&node).unwrap_or_else(|what| {
                     self.notes.add(self.asset.file, "node", &name, what);
                     LightmapPlace::Unsaid
                 });
-                if node.skin().is_some() {
-                    let what = "skins are not applied: the mesh stays in its bind pose";
+                let key = (mesh.index(), Pose::of(&node, &mesh));
+                let skin = node.skin().filter(|_| key.1.skin.is_some());
+                if node.skin().is_some() && skin.is_none() {
+                    let what = "its skin is not applied: expected JOINTS_0 and WEIGHTS_0 in every primitive of the mesh";
                     self.notes.add(self.asset.file, "node", &name, what);
                 }
-                let range = match primitives.get(&mesh.index()) {
+                let range = match primitives.get(&key) {
                     Some(range) => range.clone(),
                     None => {
                         let start = self.model.meshes.len();
                         for primitive in mesh.primitives() {
-                            self.primitive(&mesh, &primitive)?;
+                            self.primitive(&mesh, &primitive, &key.1, &skin)?;
                         }
-                        primitives.insert(mesh.index(), start..self.model.meshes.len());
+                        primitives.insert(key, start..self.model.meshes.len());
                         start..self.model.meshes.len()
                     }
                 };
-                let instances =
-                    instancing::transforms(&self.asset, &self.asset.root["nodes"][node.index()], &place)?;
+                // The joints alone place what has a skin, not its node.
+                let is_skinned = skin.is_some();
+                let instances = match is_skinned {
+                    true => None,
+                    false => instancing::transforms(&self.asset, json, &place)?,
+                };
                 let repeats: Vec<_> = match instances {
                     None => vec![None],
                     Some(instances) => instances.into_iter().enumerate().map(Some).collect(),
                 };
+                let file_from_placed = if is_skinned { DMat4::IDENTITY } else { file_from_node };
                 for repeat in repeats {
-                    let file_from_mesh = repeat.map_or(file_from_node, |(_, at)| file_from_node * at);
+                    let file_from_mesh = repeat.map_or(file_from_placed, |(_, at)| file_from_placed * at);
                     self.model.placements.extend(range.clone().map(|mesh| NodeMesh {
                         mesh,
                         node: Some(in_tree),
                         repeat,
                         file_from_mesh,
+                        is_skinned,
+                        is_hidden,
                         lightmap_place,
                     }));
                 }
             }
             let children: Vec<_> = node.children().collect();
-            stack.extend(children.into_iter().rev().map(|c| (c, file_from_node, Some(in_tree))));
+            stack.extend(children.into_iter().rev().map(|c| (c, file_from_node, Some(in_tree), is_hidden)));
         }
         let placements = &mut self.model.placements;
         if placements.iter().any(|p| p.lightmap_place != LightmapPlace::Unsaid) {
@@ -226,12 +267,19 @@ impl Reader<'_> {
             self.notes.add(self.asset.file, "file part", plural(self.skipped, "primitive"), what);
         }
         let materials = self.materials.keys().filter_map(|(material, _)| *material);
-        self.model.asset = Some(keep::asset(&self.asset, order, roots, number, materials));
+        let profiles = self.profiles.bytes;
+        self.model.asset = Some(keep::asset(&self.asset, order, roots, number, materials, profiles));
         Ok(self.model)
     }
 
-    /// Reads a primitive into a mesh; one of points or lines is skipped.
-    fn primitive(&mut self, mesh: &gltf::Mesh, primitive: &gltf::Primitive) -> Result<()> {
+    /// Reads a primitive into a mesh in a pose, whose skin is `skin`; one of points or lines is skipped.
+    fn primitive(
+        &mut self,
+        mesh: &gltf::Mesh,
+        primitive: &gltf::Primitive,
+        pose: &Pose,
+        skin: &Option<gltf::Skin>,
+    ) -> Result<()> {
         let name = mesh.name().unwrap_or("").to_owned();
         let shown = if name.is_empty() { format!("mesh {}", mesh.index()) } else { name.clone() };
         let part = || format!("{shown}, primitive {}", primitive.index());
@@ -243,9 +291,6 @@ impl Reader<'_> {
         let Some(positions) = primitive.get(&Semantic::Positions) else {
             return Err(Error::invalid(place, "it has no POSITION"));
         };
-        if primitive.morph_targets().next().is_some() {
-            self.notes.add(self.asset.file, "primitive", part(), "morph targets are not applied");
-        }
         let buffers = self.asset.buffers;
         let colours = primitive.get(&Semantic::Colors(0));
         let colours = colours.map(|colours| colours::read(&colours, buffers, &place)).transpose()?;
@@ -308,6 +353,10 @@ impl Reader<'_> {
             None => (0..u32::try_from(count).unwrap_or(u32::MAX)).collect(),
         };
         result.triangles = triangles(&indices, primitive.mode(), &place)?;
+        if !pose.is_plain() {
+            let joints = skin.as_ref().map(|skin| self.skins.joints(&self.asset, skin)).transpose()?;
+            pose.apply(&self.asset, primitive, joints, &mut result, &place)?;
+        }
         // (Those it drops join the strips that some exporters write.)
         result.finish(&place)?;
         self.model.meshes.push(result);
@@ -410,3 +459,6 @@ fn triangles(indices: &[u32], mode: Mode, place: &str) -> Result<Vec<[u32; 3]>> 
         }
     })
 }
+
+#[cfg(test)]
+mod pose_tests;
