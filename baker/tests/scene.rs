@@ -307,6 +307,48 @@ fn a_bad_sky_picture_is_told_with_its_place() {
 }
 
 #[test]
+fn a_radiance_picture_is_a_sky() {
+    let folder = tempfile::tempdir().unwrap();
+    let text =
+        "[sky]\nmodel = \"image\"\nfile = \"dusk.hdr\"\nscale = 3\n[[object]]\nfile = \"triangle.obj\"\n";
+    let row = [128, 64, 32, 130].repeat(8);
+    let head = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\nEXPOSURE=0.5\n\n-Y 4 +X 8\n";
+    fs::write(folder.path().join("dusk.hdr"), [&head[..], &row.repeat(4)].concat()).unwrap();
+    let (scene, _) = write(folder.path(), text).unwrap();
+    let Some(Sky::Image(sky)) = scene.sky else { panic!() };
+    // 2 / 0.5 × 3.
+    assert_eq!(sky.radiance.texels, [[12.0, 6.0, 3.0]; 32]);
+    fs::write(folder.path().join("dusk.hdr"), [&head[..], &row].concat()).unwrap();
+    let message = write(folder.path(), text).unwrap_err().to_string();
+    assert!(message.contains("yard.toml:3: file = \"dusk.hdr\": "), "{message}");
+    assert!(message.contains("damaged Radiance picture"), "{message}");
+}
+
+#[test]
+fn models_of_other_formats_are_told_how_to_convert() {
+    let folder = tempfile::tempdir().unwrap();
+    for (file, told) in [
+        ("house.fbx", "house.glb -fglb2`"),
+        ("House.DAE", "open it in Blender and export glTF 2.0 (.glb), or run `assimp export "),
+        ("house.3ds", "`assimp export "),
+        ("house.stl", "`assimp export "),
+        ("house.blend", "; open it in Blender and export glTF 2.0 (.glb)"),
+        ("house.usdz", "; open it in Blender and export glTF 2.0 (.glb)"),
+        ("house.skp", "; export glTF 2.0 (.glb) or OBJ from the program that wrote it"),
+    ] {
+        let path = folder.path().join(file);
+        fs::write(&path, b"\xff").unwrap();
+        let object =
+            write(folder.path(), &format!("[[object]]\nfile = \"{file}\"\n")).unwrap_err().to_string();
+        let model = Scene::of_model(&path).unwrap_err().to_string();
+        let scene = scene::load(&path).unwrap_err().to_string();
+        for message in [object, model, scene] {
+            assert!(message.contains(file) && message.contains(told), "{message}");
+        }
+    }
+}
+
+#[test]
 fn a_portal_without_a_sky_is_warned_about() {
     let folder = tempfile::tempdir().unwrap();
     let text = "[[portal]]\ncorner = [0, 0, 0]\nedge_u = [1, 0, 0]\nedge_v = [0, 1, 0]\n[[object]]\nfile = \"triangle.obj\"\n";

@@ -4,6 +4,8 @@ mod common;
 
 use common::{Random, noise_image};
 use dataset::Error;
+use dataset::console::Console;
+use dataset::exchange::{Origin, import};
 use dataset::image::{Image, Mask, read_exr_rows, read_exr_size};
 use exr::prelude as rs;
 use exr::prelude::{WritableImage, f16};
@@ -264,6 +266,43 @@ fn hostile_png_files_give_errors() {
         let path = in_file(folder.path(), "flipped.png", &bytes);
         if let Ok(mask) = Mask::read_png(&path) {
             assert_eq!(mask.valid.len(), mask.width * mask.height);
+        }
+    }
+}
+
+/// Compression of newer files, and other formats, are told by name, wherever a file is read.
+#[test]
+fn what_is_no_exr_that_can_be_read_is_told_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("light_12.exr");
+    let whole = Image::black(4, 2).to_exr();
+    let attribute = b"compression\0compression\0\x01\0\0\0";
+    let at = whole.windows(attribute.len()).position(|bytes| bytes == attribute).unwrap() + attribute.len();
+    let with = |compression: u8| {
+        let mut bytes = whole.clone();
+        bytes[at] = compression;
+        bytes
+    };
+    for (bytes, told) in [
+        (with(10), "HTJ2K compression is not read: `oiiotool "),
+        (with(11), "HTJ2K compression is not read: `oiiotool "),
+        (
+            with(12),
+            "compression number 12 (ZSTD, or another of OpenEXR 3.5 or later) is not read: `oiiotool ",
+        ),
+        (b"#?RADIANCE\n".to_vec(), "a Radiance picture (.hdr); expected an OpenEXR file: `oiiotool "),
+        (b"\x89PNG".to_vec(), "not an OpenEXR file, by its first bytes"),
+        (Vec::new(), "not an OpenEXR file, by its first bytes"),
+        (whole[..at].to_vec(), "damaged EXR file"),
+    ] {
+        std::fs::write(&path, bytes).unwrap();
+        let read = Image::read_exr(&path).unwrap_err().to_string();
+        let pattern = "light_{hour}.exr".to_owned();
+        let origin = Origin::Pattern { folder: folder.path().to_owned(), pattern, mask: None, layer: None };
+        let out = folder.path().join("out");
+        let imported = import(&origin, &out, &Console::silent()).unwrap_err().to_string();
+        for message in [read, imported] {
+            assert!(message.contains("light_12.exr") && message.contains(told), "{message}");
         }
     }
 }

@@ -11,7 +11,6 @@ mod originals;
 mod texture;
 mod polygon;
 mod glass;
-mod mtl_glass;
 mod obj;
 mod gltf;
 mod survey;

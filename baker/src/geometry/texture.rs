@@ -7,12 +7,13 @@ use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
 /// Linear light of the 256 sRGB codes (IEC 61966-2-1).
-static LINEAR_FROM_SRGB: LazyLock<[f32; 256]> = LazyLock::new(|| {
-    std::array::from_fn(|code| {
-        let c = code as f64 / 255.0;
-        (if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }) as f32
-    })
-});
+static LINEAR_FROM_SRGB: LazyLock<[f32; 256]> =
+    LazyLock::new(|| std::array::from_fn(|code| linear_from_srgb(code as f64 / 255.0) as f32));
+
+/// Linear light of an sRGB value in [0, 1].
+pub(super) fn linear_from_srgb(c: f64) -> f64 {
+    if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
+}
 
 impl Wrap {
     /// Texel index within `0..size` of any index.

@@ -1,6 +1,7 @@
-//! Photometric files of luminaires, ANSI/IES LM-63 of 1986 to 2002 with type C goniometry: candela by
+//! Photometric files of luminaires, ANSI/IES LM-63 of 1986 to 2019 with type C goniometry: candela by
 //! direction.
 
+use crate::text;
 use dataset::{Error, Result};
 use serde::Serializer;
 use std::path::Path;
@@ -58,7 +59,8 @@ impl Profile {
     /// # Errors
     /// As [`Profile::read`].
     pub fn parse(bytes: &[u8], file: &str) -> Result<Self> {
-        let text = String::from_utf8_lossy(bytes);
+        let text = text::decode(bytes);
+        let has_lamp_factor = has_lamp_factor(text::lines(&text).next().unwrap_or(""));
         let mut numbers = Numbers::after_tilt(&text, file)?;
         let [_lamps, _lumens, multiplier] =
             numbers.take(["number of lamps", "lumens per lamp", "candela multiplier"])?;
@@ -85,8 +87,9 @@ impl Profile {
             return Err(numbers.error(format!("photometric type {kind}: expected 1 (C)")));
         }
         numbers.take(["units", "width", "length", "height"])?;
-        let [ballast, photometric, _watts] =
+        let [ballast, lamp, _watts] =
             numbers.take(["ballast factor", "ballast-lamp factor", "input watts"])?;
+        let photometric = if has_lamp_factor { lamp } else { 1.0 };
         let factor = multiplier * ballast * photometric;
         if !(factor.is_finite() && factor >= 0.0) {
             let what = format!(
@@ -180,6 +183,24 @@ impl Profile {
     }
 }
 
+/// Whether the number after the ballast factor is the ballast-lamp photometric factor, by the first line: in
+/// files of 1986, which have no tag, and of 1991 (`IESNA91`). In 1995 and 2002 it is of no use and should be
+/// 1; in 2019 it tells how the file was made, as in 1.1: by an accredited laboratory.
+fn has_lamp_factor(first_line: &str) -> bool {
+    let tag = first_line.trim_start().to_ascii_uppercase();
+    let year = tag.strip_prefix("IES").and_then(|tag| tag.split_once("LM-63-")).map(|(_, year)| year);
+    year.is_none_or(|year| year.starts_with("1986") || year.starts_with("1991"))
+}
+
+/// What a line says about tilt, if it is one that may; labels may begin with the word, too.
+fn tilt(line: &str) -> Option<&str> {
+    let (word, rest) = line.trim().split_at_checked(4)?;
+    let rest = rest.trim_start();
+    let value = rest.strip_prefix('=').map(str::trim);
+    let value = value.or_else(|| ["NONE", "INCLUDE"].into_iter().find(|v| rest.eq_ignore_ascii_case(v)));
+    value.filter(|_| word.eq_ignore_ascii_case("TILT"))
+}
+
 /// The interval an angle lies in, and how far along; `None` outside.
 fn cell(angles: &[f64], at: f64) -> Option<(usize, f64)> {
     // What rounding moves past an end is at the end.
@@ -204,17 +225,32 @@ struct Numbers<'a> {
 impl<'a> Numbers<'a> {
     /// Skips label and keywords, the TILT line and what it includes: luminaires hang as they were measured.
     fn after_tilt(text: &'a str, file: &'a str) -> Result<Self> {
-        let is_tilt = |line: &str| line.trim_start().to_ascii_uppercase().starts_with("TILT");
-        let mut lines = text.lines().enumerate();
-        let Some((at, tilt)) = lines.by_ref().find(|(_, line)| is_tilt(line)) else {
-            return Err(Error::invalid(file, "no line TILT=: expected an IES file (LM-63)"));
-        };
         let separators = |c: char| c.is_whitespace() || c == ',';
-        let words = lines.flat_map(move |(i, line)| {
-            line.split(separators).filter(|word| !word.is_empty()).map(move |word| (i + 1, word))
-        });
-        let mut numbers = Numbers { file, words: Box::new(words), line: at + 1 };
-        let value = tilt.split_once('=').map_or("", |(_, value)| value.trim());
+        let words = move |line: &'a str| line.split(separators).filter(|word| !word.is_empty());
+        let lines: Vec<(usize, &str)> =
+            (1..).zip(text::lines(text)).filter(|(_, line)| !line.trim().is_empty()).collect();
+        // Numbers follow the line; a label that begins as it does is followed by others.
+        let is_followed = |at: &usize| {
+            lines.get(at + 1).is_some_and(|(_, line)| words(line).all(|w| w.parse::<f64>().is_ok()))
+        };
+        let is_tilt = |at: &usize| tilt(lines[*at].1).is_some();
+        let mut candidates = (0..lines.len()).filter(is_tilt);
+        let first = candidates.clone().next();
+        let at = candidates.find(is_followed).or(first);
+        let Some((at, value)) = at.and_then(|at| Some((at, tilt(lines[at].1)?))) else {
+            let what = "no line TILT=: expected an IES file (LM-63)";
+            let is_eulumdat = Path::new(file).extension().is_some_and(|e| e.eq_ignore_ascii_case("ldt"));
+            let hint = if is_eulumdat {
+                "; EULUMDAT is not read: ask the maker for the .ies, or convert it"
+            } else {
+                ""
+            };
+            return Err(Error::invalid(file, format!("{what}{hint}")));
+        };
+        let line = lines[at].0;
+        let all = lines.into_iter().skip(at + 1);
+        let words = all.flat_map(move |(line, text)| words(text).map(move |word| (line, word)));
+        let mut numbers = Numbers { file, words: Box::new(words), line };
         if value.eq_ignore_ascii_case("INCLUDE") {
             let [_geometry, pairs] = numbers.take(["lamp-to-luminaire geometry", "number of tilt angles"])?;
             if !(pairs.fract() == 0.0 && (0.0..=MOST_ANGLES).contains(&pairs)) {

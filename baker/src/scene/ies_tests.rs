@@ -85,6 +85,51 @@ fn older_labels_tilt_commas_and_dark_profiles_are_read() {
 }
 
 #[test]
+fn the_number_after_the_ballast_factor_counts_in_files_before_1995() {
+    for (tag, peak) in [
+        ("IES:LM-63-2019", 10.0),
+        ("IESNA:LM-63-2002", 10.0),
+        ("IESNA:LM-63-1995", 10.0),
+        ("IESNA91", 11.0),
+        ("IESNA:LM-63-1991", 11.0),
+        ("a lamp of 1986", 11.0),
+    ] {
+        let text = format!("{tag}\n[TEST] x\nTILT=NONE\n1 -1 1 2 1 1 2 0 0 0\n1.0 1.1 20\n0 90\n0\n10 10\n");
+        for line_end in ["\n", "\r\n", "\r"] {
+            let found = parse(&text.replace('\n', line_end)).unwrap().peak;
+            assert!((found - peak).abs() < 1e-12, "{tag}: {found}");
+        }
+    }
+}
+
+#[test]
+fn utf16_and_marks_are_read() {
+    let text = file(2.0, 1.0, &[0.0, 90.0], &[0.0], &[5.0, 3.0]).replace("nobody", "Müller");
+    let utf16: Vec<u8> =
+        "\u{feff}".encode_utf16().chain(text.encode_utf16()).flat_map(u16::to_le_bytes).collect();
+    let marked = format!("\u{feff}{text}").into_bytes();
+    let latin1: Vec<u8> = text.chars().map(|c| c as u8).collect();
+    for bytes in [utf16, marked, latin1] {
+        assert_eq!(Profile::parse(&bytes, "a.ies").unwrap().peak, 10.0);
+    }
+}
+
+#[test]
+fn labels_may_begin_with_the_word_tilt() {
+    let good = file(1.0, 1.0, &[0.0, 90.0], &[0.0], &[5.0, 3.0]);
+    for label in
+        ["TILTED WALL WASHER", "tilt = 45 degrees\n12 W", "TILT=NONE\n[MORE] of it", "TILT 30", "TILT"]
+    {
+        let text = good.replacen("[TEST]", &format!("{label}\n[TEST]"), 1);
+        assert_eq!(parse(&text).unwrap().peak, 5.0, "{label}");
+    }
+    assert_eq!(parse(&good.replace("TILT=NONE", " Tilt = None ")).unwrap().peak, 5.0);
+    assert_eq!(parse(&good.replace("TILT=NONE", "TILT INCLUDE\n1\n1\n0\n1")).unwrap().peak, 5.0);
+    let eulumdat = Profile::parse(b"ERCO\n1\n", "a.ldt").unwrap_err().to_string();
+    assert!(eulumdat.contains("EULUMDAT is not read"), "{eulumdat}");
+}
+
+#[test]
 fn what_is_wrong_is_told_with_its_line() {
     let good = file(1.0, 1.0, &[0.0, 90.0], &[0.0], &[5.0, 3.0]);
     for (from, to, told) in [

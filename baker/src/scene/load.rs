@@ -53,6 +53,13 @@ pub fn load(path: &Path) -> Result<(Scene, Vec<String>)> {
         );
         return Err(Error::invalid(file, what));
     }
+    let conversion = object::conversion(path);
+    if !conversion.is_empty() {
+        let what = format!(
+            "is a model; expected a scene, which is a TOML file, with .obj, .gltf or .glb models{conversion}"
+        );
+        return Err(Error::invalid(file, what));
+    }
     if !path.exists() {
         return Err(Error::invalid(file, "no such file; expected a scene, which is a TOML file"));
     }

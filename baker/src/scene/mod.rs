@@ -2,6 +2,7 @@
 
 mod raw;
 pub mod colour;
+mod radiance;
 mod sky;
 mod schedule;
 mod ies;
@@ -13,6 +14,7 @@ mod load;
 
 pub use ies::Profile;
 pub use load::{is_reserved, load};
+pub use radiance::read_radiance;
 pub use sky::SkyImage;
 
 pub use dataset::view::Camera;
@@ -103,7 +105,9 @@ impl Scene {
     /// A file that is no model, or is not there.
     pub fn of_model(file: &Path) -> Result<Scene> {
         if !object::is_model(file) {
-            return Err(Error::invalid(file.display(), "expected a model: an .obj, .gltf or .glb file"));
+            let hint = object::conversion(file);
+            let what = format!("expected a model: an .obj, .gltf or .glb file{hint}");
+            return Err(Error::invalid(file.display(), what));
         }
         if !file.is_file() {
             return Err(Error::invalid(

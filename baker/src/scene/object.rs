@@ -62,6 +62,27 @@ pub(super) fn is_model(file: &Path) -> bool {
     ["obj", "gltf", "glb"].contains(&extension(file).as_str())
 }
 
+/// How to convert a model of another format, to end a message; empty if its name says no such.
+pub(super) fn conversion(file: &Path) -> String {
+    const BY_BLENDER: [&str; 6] = ["blend", "abc", "usd", "usda", "usdc", "usdz"];
+    const BY_ASSIMP: [&str; 13] =
+        ["fbx", "dae", "3ds", "stl", "ply", "lwo", "x", "ifc", "3mf", "off", "ase", "dxf", "x3d"];
+    const BY_ITS_PROGRAM: [&str; 9] = ["max", "ma", "mb", "skp", "3dm", "c4d", "step", "stp", "dwg"];
+    let extension = extension(file);
+    let (from, to) = (file.display(), file.with_extension("glb"));
+    let is_one = |list: &[&str]| list.contains(&extension.as_str());
+    if is_one(&BY_ASSIMP) {
+        let to = to.display();
+        format!("; open it in Blender and export glTF 2.0 (.glb), or run `assimp export {from} {to} -fglb2`")
+    } else if is_one(&BY_BLENDER) {
+        "; open it in Blender and export glTF 2.0 (.glb)".to_owned()
+    } else if is_one(&BY_ITS_PROGRAM) {
+        "; export glTF 2.0 (.glb) or OBJ from the program that wrote it".to_owned()
+    } else {
+        String::new()
+    }
+}
+
 fn extension(file: &Path) -> String {
     file.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase()
 }
@@ -70,7 +91,7 @@ fn object(table: &Table, folder: &Path, groups: &[Group], warnings: &mut Vec<Str
     let value = table.require("file", EXPECTED_FILE)?;
     let file = folder.join(value.text(EXPECTED_FILE)?);
     if !is_model(&file) {
-        return Err(value.error(format!("expected {EXPECTED_FILE}")));
+        return Err(value.error(format!("expected {EXPECTED_FILE}{}", conversion(&file))));
     }
     let vt_is_lightmap = match table.get("vt") {
         None => false,

@@ -44,18 +44,30 @@ pub(super) fn parse<T>(
         let quotes = ["date", "time", "float"].iter().any(|kind| e.message().contains(kind));
         let number = e.span().and_then(|span| number_hint(source.text, span.start));
         let quoted = if quotes { " (dates and times of day stand in quotes)" } else { "" };
-        let hint = number.unwrap_or_else(|| quoted.to_owned());
+        let date = e.span().and_then(|span| date_hint(source.text, span.start));
+        let hint = date.or(number).unwrap_or_else(|| quoted.to_owned());
         Error::invalid(source_line, format!("not TOML: {}{hint}", e.message()))
     })?;
     read(Table::new(source, "the scene file", 0, root.get_ref(), keys)?)
 }
 
+/// How to write a date; `offset` is where reading failed.
+fn date_hint(text: &str, offset: usize) -> Option<String> {
+    let (key, _) = line_at(text, offset)?.split_once('=')?;
+    (key.trim() == "date").then(|| " (a date is written YYYY-MM-DD: 2026-06-21)".to_owned())
+}
+
+/// The line of an offset.
+fn line_at(text: &str, offset: usize) -> Option<&str> {
+    let (before, after) = text.split_at_checked(offset)?;
+    let line = before.rsplit('\n').next().unwrap_or("").len();
+    Some(&text[offset - line..offset + after.find('\n').unwrap_or(after.len())])
+}
+
 /// What to write in place of a number that TOML does not take, such as `0,05` or `2700K`; `offset` is where
 /// reading failed.
 fn number_hint(text: &str, offset: usize) -> Option<String> {
-    let (before, after) = text.split_at_checked(offset)?;
-    let line = before.rsplit('\n').next().unwrap_or("").len();
-    let line = text[offset - line..offset + after.find('\n').unwrap_or(after.len())].split('#').next()?;
+    let line = line_at(text, offset)?.split('#').next()?;
     let value = line.split_once('=')?.1.trim();
     let number = value.trim_end_matches(|c: char| !c.is_ascii_digit());
     let point = number.replacen(',', ".", 1);

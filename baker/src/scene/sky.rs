@@ -1,5 +1,6 @@
 //! `[sky]`: which sky, and the picture of one.
 
+use super::radiance::{is_radiance, read_radiance};
 use super::raw::Table;
 use super::{Sky, is_light};
 use dataset::image::Image;
@@ -104,7 +105,7 @@ pub(super) fn read(table: &Table, has_location: bool, folder: &Path) -> Result<S
 }
 
 fn image(table: &Table, folder: &Path) -> Result<SkyImage> {
-    let expected_file = "an OpenEXR file (.exr), lat-long, channels R, G, B";
+    let expected_file = "a lat-long picture, OpenEXR (.exr) with channels R, G, B, or Radiance (.hdr)";
     let value = table.require("file", expected_file)?;
     let name = value.text(expected_file)?;
     let path = folder.join(name);
@@ -116,7 +117,11 @@ fn image(table: &Table, folder: &Path) -> Result<SkyImage> {
     // Whatever is wrong with the file is told at the line that names it.
     let at = |error: Error| value.error(format!("{error}; expected {expected_file}"));
     let bytes = std::fs::read(&path).map_err(|e| at(Error::io(&path)(e)))?;
-    let mut image = Image::read_exr(&path).map_err(at)?;
+    let image = match is_radiance(&bytes) {
+        true => read_radiance(&bytes, &path.display().to_string()),
+        false => Image::read_exr(&path),
+    };
+    let mut image = image.map_err(at)?;
     if image.width != 2 * image.height {
         let what = format!(
             "{} × {} texels: expected a lat-long picture, twice as wide as high",

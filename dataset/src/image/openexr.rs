@@ -8,9 +8,12 @@ use exr::meta::BlockDescription;
 use exr::meta::header::{Header, LayerAttributes};
 use exr::prelude::{ChannelDescription, Compression, LineOrder, SampleType, Vec2, f16};
 use std::fs::File;
-use std::io::{BufReader, Cursor, Seek, Write};
+use std::io::{BufReader, Cursor, Read, Seek, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
+
+/// Bytes in which a header tells the compression; its attributes are few and short.
+const HEAD_BYTES: u64 = 1 << 16;
 
 /// Names of the channels that hold red, green and blue; one name three times for a grey image.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -236,9 +239,35 @@ pub(crate) fn find_channels(path: &Path, layer: Option<&str>) -> Result<(Channel
     Ok((channels, (size.width(), size.height())))
 }
 
+/// Refuses other formats, and compression that cannot be read, by name; `head` is how the file begins.
+fn refuse_foreign(path: &Path, head: &[u8]) -> Result<()> {
+    let file = path.display();
+    let convert = format!("`oiiotool {file} --compression zip -o converted.exr` converts it");
+    if head.starts_with(b"#?") {
+        let what = format!("a Radiance picture (.hdr); expected an OpenEXR file: {convert}");
+        return Err(Error::unsupported(file, what));
+    }
+    if !head.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
+        return Err(Error::invalid(file, "not an OpenEXR file, by its first bytes"));
+    }
+    // An attribute: its name, its type, the length of its value, its value.
+    const ATTRIBUTE: &[u8] = b"compression\0compression\0\x01\0\0\0";
+    let at = head.windows(ATTRIBUTE.len()).position(|bytes| bytes == ATTRIBUTE);
+    let compression = match at.and_then(|at| head.get(at + ATTRIBUTE.len())) {
+        None | Some(..10) => return Ok(()),
+        Some(10 | 11) => "HTJ2K compression".to_owned(),
+        Some(number) => format!("compression number {number} (ZSTD, or another of OpenEXR 3.5 or later)"),
+    };
+    Err(Error::unsupported(file, format!("{compression} is not read: {convert}")))
+}
+
 /// Opens an EXR file and checks that it is one flat image.
 fn open_header(path: &Path) -> Result<Reader> {
-    let file = File::open(path).map_err(Error::io(path))?;
+    let mut file = File::open(path).map_err(Error::io(path))?;
+    let mut head = Vec::new();
+    (&mut file).take(HEAD_BYTES).read_to_end(&mut head).map_err(Error::io(path))?;
+    refuse_foreign(path, &head)?;
+    file.rewind().map_err(Error::io(path))?;
     let reader = guarded(path, || exr::block::read(BufReader::with_capacity(1 << 16, file), true))?;
     let unsupported = |what: String| Err(Error::unsupported(path.display(), what));
     match reader.headers() {

@@ -1,7 +1,7 @@
 //! One function per reader: it must not panic on any bytes, nor take more memory than they account for; what
 //! it accepts must keep the rules. Used by libFuzzer and by the ordinary test `mutations`.
 
-use baker::scene::Profile;
+use baker::scene::{Profile, read_radiance};
 use baker::{geometry, scene as scenes};
 use compressor::bundle::{Bundle, checksum};
 use compressor::decode::Decoder;
@@ -23,7 +23,7 @@ use std::path::Path;
 pub type Target = fn(&Path, &[u8]) -> bool;
 
 /// All of them, by the names of their corpora.
-pub const TARGETS: [(&str, Target); 14] = [
+pub const TARGETS: [(&str, Target); 15] = [
     ("config", config),
     ("exr", exr),
     ("mask", mask),
@@ -34,6 +34,7 @@ pub const TARGETS: [(&str, Target); 14] = [
     ("archive", archive),
     ("scene", scene),
     ("ies", ies),
+    ("radiance", radiance),
     ("visibility", visibility),
     ("normals", normals),
     ("sun", sun),
@@ -189,6 +190,14 @@ pub fn ies(_: &Path, bytes: &[u8]) -> bool {
         assert!((0.0..=1.0).contains(&profile.at(vertical, horizontal)));
     }
     assert!(profile.peak.is_finite() && (0.0..3.2).contains(&profile.reach()));
+    true
+}
+
+/// A Radiance picture of the sky.
+pub fn radiance(_: &Path, bytes: &[u8]) -> bool {
+    let Ok(image) = read_radiance(bytes, "a.hdr") else { return false };
+    assert_eq!(image.texels.len(), image.width * image.height);
+    assert!(image.texels.as_flattened().iter().all(|value| *value >= 0.0));
     true
 }
 

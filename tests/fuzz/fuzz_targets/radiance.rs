@@ -1,0 +1,3 @@
+#![no_main]
+
+reader_fuzz::fuzz!(radiance);
