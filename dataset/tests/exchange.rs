@@ -7,9 +7,9 @@ use common::{noise_image, write_hours};
 use dataset::config::{Config, Light};
 use dataset::console::Console;
 use dataset::exchange::{Origin, export, import, lightmaps_of};
-use dataset::layout::Layout;
 use dataset::layout::hprc1::Hprc1;
 use dataset::layout::hprc2::Hprc2;
+use dataset::layout::{Id, Layout, Lightmap};
 use dataset::store::{DATA, Dataset};
 use std::fs;
 use std::path::Path;
@@ -53,8 +53,8 @@ fn a_dataset_in_layout_2_keeps_every_bit_in_a_round_trip() {
     assert_eq!(sizes, lightmaps.iter().map(|l| (l.width, l.height)).collect::<Vec<_>>());
     let reported = lightmaps_of(&dataset).unwrap().unwrap();
     assert_eq!(
-        reported.iter().map(|l| l.id).collect::<Vec<_>>(),
-        lightmaps.iter().map(|l| l.id).collect::<Vec<_>>()
+        reported.iter().map(|l| l.id.clone()).collect::<Vec<_>>(),
+        lightmaps.iter().map(|l| Id::Number(l.id)).collect::<Vec<_>>()
     );
     assert_eq!(reported[1].level.as_deref(), Some("Level \u{e9}"));
     let lit: Vec<(f64, bool)> = config.frames.iter().map(|set| (set.hour, set.groups_on[0])).collect();
@@ -99,6 +99,68 @@ fn a_dataset_in_layout_1_with_parts_and_shares_survives_a_round_trip() {
     assert!(exported.omitted.iter().any(|what| what.contains("layers")), "{:?}", exported.omitted);
     let written = fs::read_to_string(other.join("config.json")).unwrap();
     assert!(written.contains("\"id\": 7") && written.contains("\"level\": \"set\""), "{written}");
+}
+
+/// Changes the text of a folder's configuration; each part must be there.
+fn edit(root: &Path, changes: &[(&str, &str)]) {
+    let place = root.join("config.json");
+    let mut text = fs::read_to_string(&place).unwrap();
+    for (from, to) in changes {
+        assert!(text.contains(from), "{from}: {text}");
+        text = text.replace(from, to);
+    }
+    fs::write(place, text).unwrap();
+}
+
+#[test]
+fn ids_are_numbers_or_texts_and_are_written_back_as_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let [source, set, back] = ["contest", "set", "back"].map(|name| folder.path().join(name));
+    let maps = [(1, (8, 4), 2), (17, (5, 3), 1), (3, (2, 2), 1)];
+    layouts::write1(&source, &maps, false);
+    edit(&source, &[("\"id\":1,", "\"id\": \"1\","), ("\"id\":17,", "\"id\":\"Hall 2\",")]);
+    for kind in ["Original", "Mask"] {
+        for entry in fs::read_dir(source.join(kind)).unwrap().flatten() {
+            let name = entry.file_name().into_string().unwrap();
+            let renamed = name.replace("Texture0_17_", "Texture0_Hall 2_");
+            fs::rename(entry.path(), entry.path().with_file_name(renamed)).unwrap();
+        }
+    }
+    import_folder(&Hprc1, &source, &set);
+    let dataset = Dataset::open(&set).unwrap();
+    let ids: Vec<Id> = lightmaps_of(&dataset).unwrap().unwrap().into_iter().map(|l| l.id).collect();
+    assert_eq!(ids, [Id::Text("1".to_owned()), Id::Text("Hall 2".to_owned()), Id::Number(3)]);
+    export_folder(&set, &Hprc1, &back);
+    assert_eq!(content(&back), content(&source));
+    // In the other layout, too.
+    let [other, again] = ["other", "again"].map(|name| folder.path().join(name));
+    export_folder(&set, &Hprc2, &other);
+    let written = fs::read_to_string(other.join("config.json")).unwrap();
+    let expected = ["\"id\": \"1\"", "\"id\": \"Hall 2\"", "\"id\": 3", "_Hall 2_5_3_2300.bin_0"];
+    assert!(expected.iter().all(|what| written.contains(what)), "{written}");
+    import_folder(&Hprc2, &other, &again);
+    assert_eq!(faults(&again), Vec::<String>::new());
+}
+
+#[test]
+fn level_and_id_together_name_a_lightmap() {
+    let folder = tempfile::tempdir().unwrap();
+    let [source, set, back] = ["contest", "set", "back"].map(|name| folder.path().join(name));
+    let lightmaps = layouts::write2(&source);
+    edit(&source, &[("\"id\": 4", "\"id\": 0"), ("\"id\": -1", "\"id\": 0")]);
+    import_folder(&Hprc2, &source, &set);
+    let dataset = Dataset::open(&set).unwrap();
+    for (page, lightmap) in lightmaps.iter().enumerate() {
+        assert_eq!(bits(&dataset.map(3, page).unwrap().texels), bits(&lightmap.light[3]));
+    }
+    export_folder(&set, &Hprc2, &back);
+    assert_eq!(content(&back), content(&source));
+    // Layout 1 has no levels, and would name two lightmaps alike.
+    let map =
+        |level: &str| Lightmap { id: Id::Number(0), level: Some(level.to_owned()), width: 1, height: 1 };
+    let reason = "lightmap 0 of a and lightmap 0 of b have the same id, and the layout has no levels";
+    assert!(Hprc1.confuses(&[map("a"), map("b")]).unwrap().starts_with(reason));
+    assert_eq!(Hprc2.confuses(&[map("a"), map("b")]), None);
 }
 
 #[test]

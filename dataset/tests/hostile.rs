@@ -25,6 +25,43 @@ fn refused(layout: &'static dyn Layout, source: &Path, words: &[&str]) {
 /// A change to the configuration, or to the folder, and words of the error that it must give.
 type Case = (fn(&mut Value), &'static [&'static str]);
 
+/// Ids are numbers or texts, which become parts of file names.
+#[test]
+fn every_broken_id_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let source = folder.path().join("contest");
+    let place = source.join("config.json");
+    type Write = fn(&Path);
+    let layouts: [(&dyn Layout, Write); 2] = [
+        (&Hprc1, |source| _ = layouts::write1(source, &[(5, (4, 6), 2)], false)),
+        (&Hprc2, |source| _ = layouts::write2(source)),
+    ];
+    let expected = "expected a whole number, or a text of 1 to 64 bytes that can be part of a file name";
+    let mut cases = vec![
+        (json!(u64::MAX), "id 18446744073709551615; expected at most 9223372036854775807".to_owned()),
+        (json!(1.5), format!("invalid type: floating point `1.5`, {expected}")),
+        (json!(null), format!("invalid type: null, {expected}")),
+        (json!(true), format!("invalid type: boolean `true`, {expected}")),
+        (json!([1]), format!("invalid type: sequence, {expected}")),
+        (json!({"id": 1}), format!("invalid type: map, {expected}")),
+    ];
+    let long = "x".repeat(65);
+    for text in ["", ".", "..", "../5", "/5", "a/../../b", "a\\b", "C:5", "5\0", "5\n", "\u{9b}5", &long] {
+        cases.push((json!(text), format!("id {text:?}; {expected}")));
+    }
+    for (layout, write) in layouts {
+        drop(fs::remove_dir_all(&source));
+        write(&source);
+        let good: Value = serde_json::from_slice(&fs::read(&place).unwrap()).unwrap();
+        for (id, error) in &cases {
+            let mut config = good.clone();
+            config["lightmap_list"][0]["id"] = id.clone();
+            fs::write(&place, config.to_string()).unwrap();
+            refused(layout, &source, &["config.json:", error]);
+        }
+    }
+}
+
 #[test]
 fn every_broken_configuration_of_layout_2_is_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -32,7 +69,7 @@ fn every_broken_configuration_of_layout_2_is_refused() {
     layouts::write2(&source);
     let place = source.join("config.json");
     let good: Value = serde_json::from_slice(&fs::read(&place).unwrap()).unwrap();
-    let cases: [Case; 27] = [
+    let cases: [Case; 28] = [
         (|c| c["lightmap_count"] = json!(3), &["lightmap_count is 3, but lightmap_list has 2"]),
         (|c| c["lightmap_count"] = json!(u64::MAX), &["lightmap_count is 18446744073709551615"]),
         (|c| *c = json!({"lightmap_count": 0, "lightmap_list": []}), &["expected equal numbers ≥ 1"]),
@@ -42,8 +79,22 @@ fn every_broken_configuration_of_layout_2_is_refused() {
             |c| drop(c["lightmap_list"][0].as_object_mut().unwrap().remove("masks")),
             &["missing field `masks`"],
         ),
-        (|c| c["lightmap_list"][1]["id"] = json!(4), &["lightmap 4 occurs twice"]),
-        (|c| c["lightmap_list"][1]["id"] = json!("4"), &["invalid type: string"]),
+        (
+            |c| {
+                c["lightmap_list"][1]["id"] = json!(4);
+                c["lightmap_list"][1]["level"] = json!("Level_A");
+            },
+            &["lightmap 4 of Level_A occurs twice; expected distinct pairs of level and id"],
+        ),
+        // As a text it is the same id.
+        (
+            |c| {
+                c["lightmap_list"][1]["id"] = json!("4");
+                c["lightmap_list"][1]["level"] = json!("Level_A");
+            },
+            &["lightmap 4 of Level_A occurs twice"],
+        ),
+        (|c| c["lightmap_list"][1]["level"] = json!(4), &["invalid type: integer `4`, expected a string"]),
         (
             |c| c["lightmap_list"][0]["resolution"]["width"] = json!(0),
             &["resolution 0×6; expected 1 to 65536"],
@@ -65,7 +116,7 @@ fn every_broken_configuration_of_layout_2_is_refused() {
         ),
         (
             |c| c["lightmap_list"][0]["lightmaps"]["0"] = json!("/etc/passwd"),
-            &["lightmap 4: lightmaps, time key 0: \"/etc/passwd\""],
+            &["lightmap 4 of Level_A: lightmaps, time key 0: \"/etc/passwd\""],
         ),
         (
             |c| c["lightmap_list"][0]["lightmaps"]["0"] = json!("../config.json"),
@@ -79,7 +130,7 @@ fn every_broken_configuration_of_layout_2_is_refused() {
         (|c| c["lightmap_list"][0]["masks"]["0"] = json!(""), &["masks, time key 0: \"\""]),
         (
             |c| c["lightmap_list"][0]["lightmaps"]["0"] = json!("none.bin_0"),
-            &["lightmap 4: 1 file missing: Data/none.bin_0"],
+            &["lightmap 4 of Level_A: 1 file missing: Data/none.bin_0"],
         ),
         (
             |c| c["lightmap_list"][0]["lightmaps"]["2400"] = json!("raw_4_0.bin_0"),
@@ -99,7 +150,7 @@ fn every_broken_configuration_of_layout_2_is_refused() {
                     drop(c["lightmap_list"][1][key].as_object_mut().unwrap().remove("750"));
                 })
             },
-            &["lightmap -1 lacks 7.5 h, which lightmap 4 has"],
+            &["lightmap -1 of Level \u{e9} lacks 7.5 h, which lightmap 4 of Level_A has"],
         ),
     ];
     for (change, words) in cases {

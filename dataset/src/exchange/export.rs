@@ -5,7 +5,7 @@ use super::raw::{self, light_bytes, mask_bytes};
 use crate::config::{FileRef, Layer, Light};
 use crate::files::{NewFolder, write_atomically};
 use crate::image::add;
-use crate::layout::{self, Layout, Lightmap, Parts, Planned};
+use crate::layout::{self, Id, Layout, Lightmap, Parts, Planned};
 use crate::observe::{Meter, Observer, count};
 use crate::store::{Dataset, MANIFEST};
 use crate::{Error, Result};
@@ -118,8 +118,18 @@ fn plan(dataset: &Dataset, layout: &dyn Layout, hours: &[f64]) -> Result<(Vec<u8
     // Another layout's numbers and levels are kept; else pages are counted.
     let lightmaps = lightmaps_of(dataset)?.unwrap_or_else(|| {
         let pages = dataset.config.pages.iter().zip(0..);
-        pages.map(|(page, id)| Lightmap { id, level: None, width: page.width, height: page.height }).collect()
+        pages
+            .map(|(page, id)| Lightmap {
+                id: Id::Number(id),
+                level: None,
+                width: page.width,
+                height: page.height,
+            })
+            .collect()
     });
+    if let Some(what) = layout.confuses(&lightmaps) {
+        return Err(Error::unsupported(dataset.root.display(), what));
+    }
     let config = layout.compose(&dataset.config.scene, &lightmaps, hours);
     let mut planned = Vec::new();
     layout::plan(layout, Path::new(MANIFEST), &config, |one| {

@@ -131,12 +131,8 @@ fn find(root: &Path, planned: Planned, with_shares: bool) -> Result<IncomingPage
     let names: Vec<String> = missing.iter().take(30).map(|path| path.display().to_string()).collect();
     let more = missing.len() - names.len();
     let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-    let what = format!(
-        "lightmap {}: {} missing: {}{more}",
-        planned.lightmap.id,
-        count(missing.len(), "file"),
-        names.join(", ")
-    );
+    let what =
+        format!("{}: {} missing: {}{more}", planned.lightmap, count(missing.len(), "file"), names.join(", "));
     Err(Error::invalid(root.display(), what))
 }
 

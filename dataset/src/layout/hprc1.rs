@@ -1,15 +1,16 @@
 //! The layout `hprc1`: folders by light type, times 1 to 24.
 //!
-//! `config.json` holds `lightmap_count` and `lightmap_list` of `id`, `resolution` {`width`, `height`} and
-//! `parts`. The light is in `Original/` and, where it is stored separately, in `DirectionalOnly/`,
+//! `config.json` holds `lightmap_count` and `lightmap_list` of `id` (a number or a text), `resolution`
+//! {`width`, `height`} and `parts`. The light is in `Original/` and, where it is stored separately, in `DirectionalOnly/`,
 //! `SkyLightOnly/` and `LocalOnly/`, the masks in `Mask/`. Time t is t o'clock; 24 is midnight, the hour 0 of
 //! a dataset. Lightmaps are cut by height into `parts` equal files.
 
 use super::{
-    Config, LIGHT_BYTES, Layout, Lightmap, Lightmaps, Parts, Planned, PlannedFrame, Resolution, list,
+    Config, Id, LIGHT_BYTES, Layout, Lightmap, Lightmaps, Parts, Planned, PlannedFrame, Resolution, list,
 };
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// The folder of whole lightmaps.
@@ -30,7 +31,7 @@ pub struct Hprc1;
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Entry {
-    id: i64,
+    id: Id,
     resolution: Resolution,
     parts: u32,
 }
@@ -66,14 +67,24 @@ impl Layout for Hprc1 {
         })
     }
 
+    fn confuses(&self, lightmaps: &[Lightmap]) -> Option<String> {
+        let mut known = BTreeMap::new();
+        lightmaps.iter().find_map(|l| {
+            let other = known.insert(l.id.to_string(), l)?;
+            Some(format!("{other} and {l} have the same id, and the layout has no levels: export to hprc2"))
+        })
+    }
+
     fn parse<'a>(&self, place: &'a Path, config: &[u8]) -> Result<Lightmaps<'a>> {
         let entries = Config::<Entry>::read(place, config)?;
-        Ok(Box::new(entries.into_iter().map(move |entry| planned(place, &entry))))
+        Ok(Box::new(entries.into_iter().map(move |entry| planned(place, entry))))
     }
 
     fn compose(&self, _: &str, lightmaps: &[Lightmap], _: &[f64]) -> Vec<u8> {
-        let entry =
-            |l: &Lightmap| Entry { id: l.id, resolution: Resolution::of(l), parts: parts(l, MAX_PART_BYTES) };
+        let entry = |l: &Lightmap| {
+            let parts = parts(l, MAX_PART_BYTES);
+            Entry { id: l.id.clone(), resolution: Resolution::of(l), parts }
+        };
         Config::write(lightmaps.iter().map(entry).collect())
     }
 }
@@ -88,8 +99,8 @@ fn time(hour: f64) -> u32 {
     if hour == 0.0 { 24 } else { hour as u32 }
 }
 
-fn planned(place: &Path, entry: &Entry) -> Result<Planned> {
-    let Entry { id, resolution: Resolution { width, height }, parts } = *entry;
+fn planned(place: &Path, entry: Entry) -> Result<Planned> {
+    let Entry { id, resolution: Resolution { width, height }, parts } = entry;
     if !(1..=MAX_PARTS).contains(&parts) || !height.is_multiple_of(parts) {
         let expected = format!("expected a divisor of the height, {height}, from 1 to {MAX_PARTS}");
         let what = format!("lightmap {id}: {parts} parts; {expected}");
@@ -107,11 +118,8 @@ fn planned(place: &Path, entry: &Entry) -> Result<Planned> {
         whole: light(WHOLE, hour),
         shares: Some(SHARES.map(|folder| light(folder, hour))),
     });
-    Ok(Planned {
-        lightmap: Lightmap { id, level: None, width, height },
-        frames: frames.collect(),
-        masks: vec![files(MASK, "lightmapCoverage", 1)],
-    })
+    let (frames, masks) = (frames.collect(), vec![files(MASK, "lightmapCoverage", 1)]);
+    Ok(Planned { lightmap: Lightmap { id, level: None, width, height }, frames, masks })
 }
 
 /// The fewest equal parts of at most this many bytes; one where no number will do.
@@ -128,7 +136,7 @@ mod tests {
 
     #[test]
     fn parts_are_equal_and_as_few_as_fit() {
-        let map = |width, height| Lightmap { id: 0, level: None, width, height };
+        let map = |width, height| Lightmap { id: Id::Number(0), level: None, width, height };
         assert_eq!(parts(&map(8192, 8192), MAX_PART_BYTES), 1);
         // 3 GiB of a lightmap in three parts would not be equal.
         assert_eq!(parts(&map(16384, 16384), MAX_PART_BYTES), 4);

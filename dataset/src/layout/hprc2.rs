@@ -1,10 +1,10 @@
 //! The layout `hprc2`: `config.json`, which names every file, and `Data/`.
 //!
-//! `config.json` holds `lightmap_count` and `lightmap_list` of `id`, `level`, `resolution` {`width`,
-//! `height`}, and `lightmaps` and `masks`, from time keys to names in `Data/`. A time key is the hour × 100:
+//! `config.json` holds `lightmap_count` and `lightmap_list` of `id` (a number or a text), `level`,
+//! which together identify a lightmap, `resolution` {`width`, `height`}, and `lightmaps` and `masks`, from time keys to names in `Data/`. A time key is the hour × 100:
 //! `"0"` to `"2300"`, and `"590"` and `"1810"` on the lit side of a switch at 6 and 18 h.
 
-use super::{Config, Layout, Lightmap, Lightmaps, Planned, PlannedFrame, Resolution};
+use super::{Config, Id, Layout, Lightmap, Lightmaps, Planned, PlannedFrame, Resolution};
 use crate::files::is_component;
 use crate::{Error, Result};
 use serde::de::{MapAccess, Visitor};
@@ -25,7 +25,7 @@ pub struct Hprc2;
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Entry {
-    id: i64,
+    id: Id,
     level: String,
     resolution: Resolution,
     lightmaps: Names,
@@ -99,12 +99,12 @@ impl Layout for Hprc2 {
         let stem: String = scene.chars().map(plain).collect();
         let keys: Vec<u32> = hours.iter().filter_map(|&hour| key(hour)).collect();
         let entry = |l: &Lightmap| {
-            let (id, size) = (l.id, format!("{}_{}", l.width, l.height));
+            let (id, size) = (&l.id, format!("{}_{}", l.width, l.height));
             let names = |name: &dyn Fn(u32) -> String| {
                 Names(keys.iter().map(|&key| (key.to_string(), name(key))).collect())
             };
             Entry {
-                id,
+                id: id.clone(),
                 level: l.level.clone().unwrap_or_else(|| scene.to_owned()),
                 resolution: Resolution::of(l),
                 lightmaps: names(&|key| format!("lightmapRawData_{stem}_{id}_{size}_{key}.bin_0")),
@@ -133,7 +133,8 @@ fn key(hour: f64) -> Option<u32> {
 
 fn planned(place: &Path, entry: Entry) -> Result<Planned> {
     let Entry { id, level, resolution: Resolution { width, height }, lightmaps, masks } = entry;
-    let wrong = |what: String| Error::invalid(format!("{}, lightmap {id}", place.display()), what);
+    let lightmap = Lightmap { id, level: Some(level), width, height };
+    let wrong = |what: String| Error::invalid(format!("{}, {lightmap}", place.display()), what);
     let read = |kind: &str, names: &Names| -> Result<Vec<(f64, PathBuf)>> {
         let mut files = Vec::with_capacity(names.0.len());
         for (key, name) in &names.0 {
@@ -164,7 +165,7 @@ fn planned(place: &Path, entry: Entry) -> Result<Planned> {
     masks.dedup();
     let planned_frame = |(hour, path)| PlannedFrame { hour, whole: vec![path], shares: None };
     Ok(Planned {
-        lightmap: Lightmap { id, level: Some(level), width, height },
+        lightmap,
         frames: light.into_iter().map(planned_frame).collect(),
         masks: masks.into_iter().map(|path| vec![path]).collect(),
     })

@@ -6,6 +6,9 @@
 
 pub mod hprc1;
 pub mod hprc2;
+mod id;
+
+pub use id::Id;
 
 use crate::image::MAX_SIDE;
 use crate::observe::count;
@@ -13,7 +16,7 @@ use crate::{Error, Result};
 use serde::de::{DeserializeOwned, Error as _};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeSet;
-use std::fmt::Debug;
+use std::fmt::{self, Debug};
 use std::path::{Path, PathBuf};
 
 /// All layouts.
@@ -49,6 +52,11 @@ pub trait Layout: Debug + Sync {
         None
     }
 
+    /// Why it cannot tell lightmaps apart, if it cannot.
+    fn confuses(&self, _lightmaps: &[Lightmap]) -> Option<String> {
+        None
+    }
+
     /// When its lamps are on, if frames at these hours show their switches.
     fn lamps_on(&self, _hours: &[f64]) -> Option<[f64; 2]> {
         None
@@ -67,17 +75,26 @@ pub trait Layout: Debug + Sync {
 /// Lightmaps with their files, or what is wrong with the next.
 pub type Lightmaps<'a> = Box<dyn Iterator<Item = Result<Planned>> + 'a>;
 
-/// A lightmap as a layout describes it.
+/// A lightmap as a layout describes it. Id and level together are unique in the dataset.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lightmap {
-    /// Its number, unique in the dataset.
-    pub id: i64,
+    /// What it is called in its level.
+    pub id: Id,
     /// Its level, if the layout has it.
     pub level: Option<String>,
     /// Width in texels.
     pub width: u32,
     /// Height in texels.
     pub height: u32,
+}
+
+impl fmt::Display for Lightmap {
+    fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        match &self.level {
+            None => write!(out, "lightmap {}", self.id),
+            Some(level) => write!(out, "lightmap {} of {level}", self.id),
+        }
+    }
 }
 
 /// Files from the top of a lightmap on, of equal size, relative to the layout's folder.
@@ -139,26 +156,28 @@ pub(crate) fn plan(
     mut each: impl FnMut(Planned) -> Result<()>,
 ) -> Result<()> {
     let wrong = |what: String| Err(Error::invalid(place.display(), what));
-    let mut ids = BTreeSet::new();
-    let mut first: Option<(i64, Vec<f64>)> = None;
+    let mut known = BTreeSet::new();
+    let mut first: Option<(Lightmap, Vec<f64>)> = None;
     for planned in layout.parse(place, config)? {
         let planned = planned?;
-        let Lightmap { id, width, height, .. } = planned.lightmap;
-        if !ids.insert(id) {
-            return wrong(format!("lightmap {id} occurs twice; expected distinct ids"));
+        let this = &planned.lightmap;
+        if !known.insert((this.level.clone(), this.id.to_string())) {
+            let what = if this.level.is_some() { "pairs of level and id" } else { "ids" };
+            return wrong(format!("{this} occurs twice; expected distinct {what}"));
         }
         let side = 1..=MAX_SIDE as u32;
+        let Lightmap { width, height, .. } = *this;
         if !side.contains(&width) || !side.contains(&height) {
-            return wrong(format!("lightmap {id}: resolution {width}×{height}; expected 1 to {MAX_SIDE}"));
+            return wrong(format!("{this}: resolution {width}×{height}; expected 1 to {MAX_SIDE}"));
         }
-        let (first_id, hours) = first.get_or_insert_with(|| (id, planned.hours()));
+        let (first, hours) = first.get_or_insert_with(|| (this.clone(), planned.hours()));
         let own = planned.hours();
         let lacks = |a: &[f64], b: &[f64]| b.iter().copied().find(|hour| !a.contains(hour));
         if let Some(hour) = lacks(&own, hours) {
-            return wrong(format!("lightmap {id} lacks {hour} h, which lightmap {first_id} has"));
+            return wrong(format!("{this} lacks {hour} h, which {first} has"));
         }
         if let Some(hour) = lacks(hours, &own) {
-            return wrong(format!("lightmap {first_id} lacks {hour} h, which lightmap {id} has"));
+            return wrong(format!("{first} lacks {hour} h, which {this} has"));
         }
         each(planned)?;
     }

@@ -216,10 +216,7 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
     let names = lightmaps.as_deref().unwrap_or_default();
     for (index, (page, valid)) in config.pages.iter().zip(&valid).enumerate() {
         let share = 100.0 * *valid as f64 / (f64::from(page.width) * f64::from(page.height));
-        let name = names.get(index).map_or(String::new(), |lightmap| match &lightmap.level {
-            Some(level) => format!("  lightmap {} of {level}", lightmap.id),
-            None => format!("  lightmap {}", lightmap.id),
-        });
+        let name = names.get(index).map_or(String::new(), |lightmap| format!("  {lightmap}"));
         console
             .print(format!("  page   {}×{} texels, {share:.1} % on surfaces{name}", page.width, page.height));
     }
