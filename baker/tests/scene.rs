@@ -114,6 +114,7 @@ longitude = 11.6
 utc_offset = 2
 date = 2026-06-21
 north = 30
+refraction = false
 [sun]
 disc_angle = 0
 [sky]
@@ -184,9 +185,12 @@ fn a_full_scene_resolves_to_what_it_says() {
     let folder = tempfile::tempdir().unwrap();
     let (scene, warnings) = write(folder.path(), FULL).unwrap();
     assert_eq!(warnings.len(), 1, "{warnings:?}");
-    assert!(warnings[0].contains("yard.toml:21: albedo = 0.99"), "{warnings:?}");
+    assert!(warnings[0].contains("yard.toml:22: albedo = 0.99"), "{warnings:?}");
     assert_eq!(scene.name, "full-yard");
-    assert_eq!(scene.location.unwrap().date, (2026, 6, 21));
+    let location = scene.location.unwrap();
+    assert_eq!((location.date, location.refraction), ((2026, 6, 21), false));
+    let (usual, _) = write(folder.path(), &FULL.replace("refraction = false\n", "")).unwrap();
+    assert!(usual.location.unwrap().refraction);
     assert!(matches!(scene.sky, Some(Sky::HosekWilkie { turbidity: 5.0, ground_albedo: 0.2 })));
     // The sun takes the sky's turbidity.
     assert!(matches!(scene.sun.as_ref().unwrap().track, SunTrack::Computed { turbidity: 5.0 }));

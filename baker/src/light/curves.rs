@@ -46,7 +46,14 @@ mod tests {
     const CLEAR: Sky = Sky::HosekWilkie { turbidity: 3.0, ground_albedo: 0.2 };
 
     fn vienna() -> Location {
-        Location { latitude: 48.2, longitude: 16.4, utc_offset: 2.0, date: (2026, 4, 12), north: 0.0 }
+        Location {
+            latitude: 48.2,
+            longitude: 16.4,
+            utc_offset: 2.0,
+            date: (2026, 4, 12),
+            north: 0.0,
+            refraction: true,
+        }
     }
 
     fn authored(keys: &[(f64, DVec3)]) -> Sun {

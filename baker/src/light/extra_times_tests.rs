@@ -15,7 +15,7 @@ fn scene_without_light() -> Scene {
 }
 
 fn location(latitude: f64, date: (i32, u32, u32)) -> Location {
-    Location { latitude, longitude: 16.4, utc_offset: 2.0, date, north: 0.0 }
+    Location { latitude, longitude: 16.4, utc_offset: 2.0, date, north: 0.0, refraction: true }
 }
 
 /// Sun and sky of a clear day.

@@ -11,6 +11,7 @@ fn scene(sky: Option<Sky>, sun: Option<Sun>) -> Scene {
             utc_offset: 1.0,
             date: (2024, 5, 3),
             north: 20.0,
+            refraction: true,
         }),
         sun,
         sky,

@@ -38,7 +38,8 @@ fn noon_ratio_of_sun_to_sky_matches_published_clear_skies() {
     for (latitude, date) in
         [(50.0, (2024, 6, 21)), (40.0, (2024, 3, 20)), (45.0, (2024, 12, 21)), (23.4, (2024, 6, 21))]
     {
-        let location = Location { latitude, longitude: 0.0, utc_offset: 0.0, date, north: 30.0 };
+        let location =
+            Location { latitude, longitude: 0.0, utc_offset: 0.0, date, north: 30.0, refraction: true };
         let (_, elevation) = sun::direction(&location, 12.0);
         let disc = Sun { disc_angle: 0.533, track: SunTrack::Computed { turbidity: 2.0 } };
         let disc = sun::at(&disc, Some(&location), 12.0).unwrap();
@@ -139,8 +140,14 @@ fn twilight_is_blue_overhead_and_bright_over_the_sun() {
 
 #[test]
 fn nothing_below_the_horizon_but_a_constant_sky() {
-    let location =
-        Location { latitude: 0.0, longitude: 0.0, utc_offset: 0.0, date: (2024, 3, 20), north: 0.0 };
+    let location = Location {
+        latitude: 0.0,
+        longitude: 0.0,
+        utc_offset: 0.0,
+        date: (2024, 3, 20),
+        north: 0.0,
+        refraction: true,
+    };
     let sky = Sky::HosekWilkie { turbidity: 3.0, ground_albedo: 0.2 };
     let down = Vec3::new(0.6, -0.001, 0.8);
     for hour in [0.0, 6.0, 12.0, 18.2] {
@@ -158,8 +165,14 @@ fn nothing_below_the_horizon_but_a_constant_sky() {
 /// From deep night to noon, and on both sides of sunset: as the sky itself gives it, within two hundredths.
 #[test]
 fn illuminance_over_time_is_that_of_the_sky() {
-    let location =
-        Location { latitude: 48.2, longitude: 16.4, utc_offset: 2.0, date: (2026, 4, 12), north: 0.0 };
+    let location = Location {
+        latitude: 48.2,
+        longitude: 16.4,
+        utc_offset: 2.0,
+        date: (2026, 4, 12),
+        north: 0.0,
+        refraction: true,
+    };
     let clear = Sky::HosekWilkie { turbidity: 3.0, ground_albedo: 0.2 };
     let even = Sky::Constant { radiance: glam::DVec3::splat(2.0) };
     for (sky, tolerance) in [(&clear, 0.02), (&even, 1e-4)] {

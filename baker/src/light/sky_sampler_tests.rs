@@ -11,6 +11,7 @@ const LOCATION: crate::scene::Location = crate::scene::Location {
     utc_offset: 1.0,
     date: (2024, 5, 3),
     north: 20.0,
+    refraction: true,
 };
 
 fn random(state: &mut u64) -> f32 {

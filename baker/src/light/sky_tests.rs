@@ -4,8 +4,14 @@ use super::*;
 use crate::light::luminance;
 use glam::{DVec3, Vec2};
 
-const LOCATION: Location =
-    Location { latitude: 48.0, longitude: 11.0, utc_offset: 1.0, date: (2024, 5, 3), north: 20.0 };
+const LOCATION: Location = Location {
+    latitude: 48.0,
+    longitude: 11.0,
+    utc_offset: 1.0,
+    date: (2024, 5, 3),
+    north: 20.0,
+    refraction: true,
+};
 const SKY: Sky = Sky::HosekWilkie { turbidity: 3.0, ground_albedo: 0.3 };
 
 /// Points spread evenly over [0, 1)² (the R2 sequence).

@@ -216,15 +216,45 @@ pub fn check(location: &Location) -> Result<(), String> {
     Ok(())
 }
 
-/// Unit vector towards the sun, and its elevation in degrees (unrefracted apparent centre), at a local hour.
-/// Where [`check`] fails the sun is at the nadir.
+/// Unit vector towards the sun's centre as it is seen, and its elevation in degrees, at a local hour. Where
+/// [`check`] fails the sun is at the nadir.
 pub fn direction(location: &Location, hour: f64) -> (Vec3, f64) {
-    let Ok((azimuth, elevation)) = position(location, hour) else { return (Vec3::NEG_Y, -90.0) };
+    lifted(location, hour, refraction)
+}
+
+/// As [`direction`], of a disc of which the horizon may hide the centre: what is left of it is seen at the
+/// horizon, so all of it is lifted as much as that is.
+fn disc_direction(location: &Location, hour: f64) -> (Vec3, f64) {
+    lifted(location, hour, |elevation| refraction(elevation.max(SEEN_AT_HORIZON)))
+}
+
+/// The sun's direction and elevation, raised by `lift` of its elevation unless the air does not refract.
+fn lifted(location: &Location, hour: f64, lift: impl Fn(f64) -> f64) -> (Vec3, f64) {
+    let Ok((azimuth, geometric)) = position(location, hour) else { return (Vec3::NEG_Y, -90.0) };
+    let elevation = if location.refraction { geometric + lift(geometric) } else { geometric };
     // Azimuth runs clockwise from north, and north clockwise from −Z.
     let (sin_azimuth, cos_azimuth) = (azimuth + location.north).to_radians().sin_cos();
     let (sin_elevation, cos_elevation) = elevation.to_radians().sin_cos();
     let direction = DVec3::new(sin_azimuth * cos_elevation, sin_elevation, -cos_azimuth * cos_elevation);
     (direction.as_vec3(), elevation)
+}
+
+/// Geometric elevation in degrees of what is seen at the horizon.
+const SEEN_AT_HORIZON: f64 = -0.564_1;
+
+/// Degrees by which the standard atmosphere (1013.25 hPa, 15 °C) lifts what stands at a geometric elevation
+/// in degrees: equation 42 of the SPA (Reda & Andreas 2004), after Saemundsson 1986.
+///
+/// That formula has a pole at −5.1°, and the SPA's own end of it, at −0.83°, is a jump. Below the horizon,
+/// where nothing is seen, the lift fades as 1/tan instead, as that of NOAA's solar calculator does: twilight
+/// goes by geometric depressions. The sum of elevation and lift grows everywhere.
+fn refraction(elevation: f64) -> f64 {
+    if elevation < SEEN_AT_HORIZON {
+        let fade = SEEN_AT_HORIZON.to_radians().tan() / elevation.to_radians().tan();
+        return refraction(SEEN_AT_HORIZON) * fade;
+    }
+    let air = (1013.25 / 1010.0) * (283.0 / (273.0 + 15.0));
+    air * 1.02 / 60.0 / (elevation + 10.3 / (elevation + 5.11)).to_radians().tan()
 }
 
 /// Azimuth and elevation in degrees by the SPA of Reda & Andreas 2004, without refraction, at sea level.
@@ -247,7 +277,7 @@ pub fn at(sun: &Sun, location: Option<&Location>, hour: f64) -> Option<SunDisc> 
     let to_integral = 2.0 / (1.0 + delta.cos());
     let (direction, irradiance, horizon) = match &sun.track {
         SunTrack::Computed { turbidity } => {
-            let (direction, elevation) = direction(location?, hour);
+            let (direction, elevation) = disc_direction(location?, hour);
             let visible = visible_fraction(elevation.to_radians(), delta);
             (direction, clear_air_irradiance(elevation, *turbidity) * visible, true)
         }

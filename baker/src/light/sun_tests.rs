@@ -3,8 +3,14 @@
 
 use super::*;
 
-const BERLIN: Location =
-    Location { latitude: 52.5, longitude: 13.4, utc_offset: 2.0, date: (2024, 6, 21), north: 0.0 };
+const BERLIN: Location = Location {
+    latitude: 52.5,
+    longitude: 13.4,
+    utc_offset: 2.0,
+    date: (2024, 6, 21),
+    north: 0.0,
+    refraction: true,
+};
 
 /// NREL's worked example of the SPA (Reda & Andreas 2004, table A5.1): azimuth 194.34024°, elevation before
 /// refraction 39.87205°.
@@ -16,6 +22,7 @@ fn position_matches_the_spa_example() {
         utc_offset: -7.0,
         date: (2003, 10, 17),
         north: 0.0,
+        refraction: false,
     };
     let hour = 12.0 + 30.5 / 60.0;
     let (azimuth, elevation) = position(&golden, hour).unwrap();
@@ -235,11 +242,120 @@ fn sunrise_is_continuous() {
     assert!(at(&sun, None, 12.0).is_none());
 }
 
+/// Of NOAA's solar calculator (gml.noaa.gov/grad/solcalc, after Meeus 1998, "Astronomical Algorithms"): the
+/// hours of sunrise and sunset at Greenwich, for which the centre's zenith angle without refraction is
+/// 90.833°; `None` where the sun stays up, or down, all day.
+fn noaa_rise_and_set(latitude: f64, (year, month, day): (i32, u32, u32)) -> Option<[f64; 2]> {
+    let midnight = JulianDate::from_utc(year, month, day, 0, 0, 0.0, 0.0).unwrap().julian_date();
+    let event = |side: f64| {
+        let mut hour = 12.0;
+        // The sun moves on until the event.
+        for _ in 0..5 {
+            let t = (midnight + hour / 24.0 - 2_451_545.0) / 36_525.0;
+            let l = (280.46646 + t * (36_000.76983 + t * 0.000_303_2)).to_radians();
+            let m = (357.52911 + t * (35_999.05029 - 0.000_153_7 * t)).to_radians();
+            let e = 0.016_708_634 - t * (0.000_042_037 + 0.000_000_126_7 * t);
+            let centre = m.sin() * (1.914_602 - t * (0.004_817 + 0.000_014 * t))
+                + (2.0 * m).sin() * (0.019_993 - 0.000_101 * t)
+                + (3.0 * m).sin() * 0.000_289;
+            let node = (125.04 - 1934.136 * t).to_radians();
+            let apparent = l + (centre - 0.005_69 - 0.004_78 * node.sin()).to_radians();
+            let seconds = 21.448 - t * (46.815 + t * (0.000_59 - t * 0.001_813));
+            let tilt = (23.0 + (26.0 + seconds / 60.0) / 60.0 + 0.002_56 * node.cos()).to_radians();
+            let (declination, y) = ((tilt.sin() * apparent.sin()).asin(), (0.5 * tilt).tan().powi(2));
+            let equation_of_time = y * (2.0 * l).sin() - 2.0 * e * m.sin()
+                + 4.0 * e * y * m.sin() * (2.0 * l).cos()
+                - 0.5 * y * y * (4.0 * l).sin()
+                - 1.25 * e * e * (2.0 * m).sin();
+            let latitude = latitude.to_radians();
+            let cosine = 90.833f64.to_radians().cos() / (latitude.cos() * declination.cos())
+                - latitude.tan() * declination.tan();
+            let angle = (-1.0..=1.0).contains(&cosine).then(|| cosine.acos())?;
+            hour = 12.0 + (side * angle - equation_of_time) * 12.0 / std::f64::consts::PI;
+        }
+        Some(hour)
+    };
+    Some([event(-1.0)?, event(1.0)?])
+}
+
+/// The first and the last hour with sun of the real sun's disc over a place on Greenwich's meridian.
+fn rise_and_set(latitude: f64, date: (i32, u32, u32), refraction: bool) -> Option<[f64; 2]> {
+    let sun = Sun { disc_angle: 0.533, track: SunTrack::Computed { turbidity: 3.0 } };
+    let location = Location { latitude, longitude: 0.0, utc_offset: 0.0, date, north: 0.0, refraction };
+    let is_up = |hour: f64| at(&sun, Some(&location), hour).is_some();
+    let end = |mut night: f64| {
+        let mut day = 12.0;
+        for _ in 0..30 {
+            let middle = 0.5 * (day + night);
+            if is_up(middle) { day = middle } else { night = middle }
+        }
+        day
+    };
+    (is_up(12.0) && !is_up(0.0) && !is_up(24.0)).then(|| [end(0.0), end(24.0)])
+}
+
+/// The upper limb leaves the horizon within a minute of NOAA's times; without refraction two minutes to half
+/// an hour too early, and it rises as much too late.
+#[test]
+fn the_sun_rises_and_sets_when_noaa_says() {
+    let mut events = 0;
+    for latitude in [0.0, 25.0, 48.0, 60.0, 66.0, -48.0] {
+        for (month, day) in [(1, 20), (3, 20), (5, 15), (6, 21), (8, 1), (9, 22), (12, 21)] {
+            let date = (2026, month, day);
+            let expected = noaa_rise_and_set(latitude, date);
+            let found = rise_and_set(latitude, date, true);
+            assert_eq!(found.is_some(), expected.is_some(), "{latitude}° {month}-{day}: {found:?}");
+            let (Some(expected), Some(found)) = (expected, found) else { continue };
+            let off = [0, 1].map(|i| 60.0 * (found[i] - expected[i]));
+            let without = rise_and_set(latitude, date, false);
+            let early = without.map(|without| [0, 1].map(|i| 60.0 * (without[i] - expected[i])));
+            println!("{latitude}° {month}-{day}: {expected:?}, off {off:.2?} minutes, {early:.1?} without");
+            assert!(off.iter().all(|minutes| minutes.abs() < 1.0), "{latitude}° {month}-{day}: {off:?}");
+            // (At 66° in December it does not rise at all.)
+            assert!(early.is_none_or(|[rise, set]| rise > 2.0 && set < -2.0), "{early:?}");
+            events += 1;
+        }
+    }
+    // Only at 66° in June it stays up.
+    assert_eq!(events, 6 * 7 - 1);
+}
+
+/// Against the formulas of NOAA's solar calculator; and what is seen grows with what is, from nadir to
+/// zenith, without a jump.
+#[test]
+fn refraction_is_that_of_the_standard_atmosphere_and_monotone() {
+    let noaa = |e: f64| {
+        let tan = e.to_radians().tan();
+        let seconds = match e {
+            5.0.. => 58.1 / tan - 0.07 / tan.powi(3) + 0.000_086 / tan.powi(5),
+            _ => 1735.0 + e * (-518.2 + e * (103.4 + e * (-12.79 + e * 0.711))),
+        };
+        seconds / 3600.0
+    };
+    for tenth in -5..850 {
+        let elevation = f64::from(tenth) / 10.0;
+        let (found, expected) = (refraction(elevation), noaa(elevation));
+        assert!((found - expected).abs() < 0.01, "{elevation}°: {found}, expected {expected}");
+    }
+    // What is seen at the horizon, and deep twilight, which is left where it is.
+    assert!((SEEN_AT_HORIZON + refraction(SEEN_AT_HORIZON)).abs() < 1e-5);
+    assert!((0.0..0.06).contains(&refraction(-6.0)) && (0.0..0.02).contains(&refraction(-18.0)));
+    let seen = |elevation: f64| elevation + refraction(elevation);
+    let of_disc = |elevation: f64| elevation + refraction(elevation.max(SEEN_AT_HORIZON));
+    for hundredth in -9000..9000 {
+        let [low, high] = [hundredth, hundredth + 1].map(|hundredth| f64::from(hundredth) / 100.0);
+        for seen in [&seen as &dyn Fn(f64) -> f64, &of_disc] {
+            let step = seen(high) - seen(low);
+            assert!((0.005..0.03).contains(&step), "{low}°: {step}");
+        }
+    }
+}
+
 /// The hour between `low` and `high` at which the sun's centre stands at `elevation` degrees.
 fn hour_at(location: &Location, elevation: f64, mut low: f64, mut high: f64) -> f64 {
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
-        if direction(location, middle).1 < elevation { low = middle } else { high = middle }
+        if disc_direction(location, middle).1 < elevation { low = middle } else { high = middle }
     }
     0.5 * (low + high)
 }
@@ -252,7 +368,7 @@ fn the_sun_at_the_horizon() {
     let mut last = 0.0;
     for elevation in [-0.266, -0.1, -0.01, -1e-4, 0.0, 1e-4, 0.01, 0.1, 0.266] {
         let hour = hour_at(&BERLIN, elevation, 3.0, 9.0);
-        assert!((direction(&BERLIN, hour).1 - elevation).abs() < 1e-6);
+        assert!((disc_direction(&BERLIN, hour).1 - elevation).abs() < 1e-6);
         let disc = at(&sun, Some(&BERLIN), hour).unwrap();
         let light = luminance_of(disc.irradiance.as_dvec3());
         assert!(light.is_finite() && light > last, "{elevation}: {light}");
@@ -279,7 +395,14 @@ fn the_sun_at_the_horizon() {
 fn polar_day_and_night() {
     use crate::scene::Sky;
     let sun = Sun { disc_angle: 0.533, track: SunTrack::Computed { turbidity: 3.0 } };
-    let location = |latitude, date| Location { latitude, longitude: 15.0, utc_offset: 1.0, date, north: 0.0 };
+    let location = |latitude, date| Location {
+        latitude,
+        longitude: 15.0,
+        utc_offset: 1.0,
+        date,
+        north: 0.0,
+        refraction: true,
+    };
     let sky = Sky::HosekWilkie { turbidity: 3.0, ground_albedo: 0.6 };
     let suns =
         |location: &Location| (0..24).filter(|&h| at(&sun, Some(location), f64::from(h)).is_some()).count();

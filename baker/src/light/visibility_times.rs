@@ -230,6 +230,7 @@ mod tests {
             latitude,
             longitude: 25.0,
             north: 0.0,
+            refraction: true,
             date: (2026, 12, 11),
             utc_offset: 2.0,
         };

@@ -23,7 +23,7 @@ const TOP_KEYS: &[&str] = &[
     "bake",
     "camera",
 ];
-const LOCATION_KEYS: &[&str] = &["latitude", "longitude", "utc_offset", "date", "north"];
+const LOCATION_KEYS: &[&str] = &["latitude", "longitude", "utc_offset", "date", "north", "refraction"];
 const SUN_KEYS: &[&str] = &["disc_angle", "turbidity", "track", "baked", "visibility"];
 const SUN_KEY_KEYS: &[&str] = &["hour", "direction", "irradiance"];
 const PORTAL_KEYS: &[&str] = &["corner", "edge_u", "edge_v"];
@@ -192,7 +192,8 @@ fn location(table: &Table) -> Result<Location> {
     let expected = r#"a date "YYYY-MM-DD""#;
     let value = table.require("date", expected)?;
     let date = date(value.text(expected)?).ok_or_else(|| value.error(format!("expected {expected}")))?;
-    Ok(Location { latitude, longitude, utc_offset, date, north })
+    let refraction = table.get("refraction").map_or(Ok(true), |v| v.boolean())?;
+    Ok(Location { latitude, longitude, utc_offset, date, north, refraction })
 }
 
 /// A day of the Gregorian calendar.

@@ -165,6 +165,8 @@ pub struct Location {
     pub date: (i32, u32, u32),
     /// Degrees from −Z clockwise, seen from above, to north.
     pub north: f64,
+    /// Whether the air lifts the sun, as the standard atmosphere does.
+    pub refraction: bool,
 }
 
 /// The sun.
