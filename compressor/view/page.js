@@ -43,7 +43,7 @@ class Viewer {
     if (bundle.tiles.some(tile => tile.shadows)) codebook = await dataOf('words');
     this.decoder = new Decoder(gl, bundle, { unpack: location.hash.includes('unpack') });
     // `hour` is what is shown; `clock`, by which the day plays, goes on between the hours of references.
-    this.state = { hour: hourOf(location.hash) ?? 12, clock: 0, view: 'decoded', space: 'atlas', page: 0, playing: false, walks: false, pinned: false, exposure: 0 };
+    this.state = { hour: hourOf(location.hash) ?? 12, clock: 0, view: 'decoded', space: 'atlas', page: 0, playing: false, walks: false, pinned: false, game: false, exposure: 0 };
     this.scene = this.meta.scene_file ? await Scene.open(gl, await dataOf('scene'), bundle.pages.length) : null;
     if (this.scene?.draws.length) this.state.space = 'scene';
     this.pages = this.decoder.pages.map((page, i) => ({ ...page, bits: this.bitsOf(i) }));
@@ -129,6 +129,7 @@ class Viewer {
     this.choice('views', this.shown.map(view => [view, NAMES[view], 'V']), view => this.setView(view), () => state.view);
     this.choice('cameras', this.cameras.map((camera, i) => [i, camera.name, String(i + 1)]), i => this.setCamera(Number(i)), () => this.at);
     if (this.scene?.draws.length) this.choice('modes', [['false', 'orbit', 'O'], ['true', 'walk', 'O: then W A S D Q E']], walks => { state.walks = walks === 'true'; }, () => state.walks);
+    $('game').hidden = !this.scene?.draws.length;
     this.at = 0;
     this.buildMarks();
     const lit = bundle.tiles.filter(tile => tile.features || tile.levels).length, { length } = bundle.bytes;
@@ -136,7 +137,7 @@ class Viewer {
     const facts = [
       `${meta.title}: bundle version ${bundle.version}, ${length.toLocaleString('en')} bytes, ${bundle.hours.length} frames, ${bundle.pages.length} page(s), ${bundle.tiles.length} tiles of which ${lit} have light; ${(8 * length / texels / bundle.hours.length).toFixed(3)} bits per texel and frame.`,
       `Decoded by the GPU in a fragment shader at the time shown; BC7 blocks are unpacked ${this.decoder.bptc ? 'by the hardware' : location.hash.includes('unpack') ? 'in JavaScript, as the address asks' : 'in JavaScript, because this device lacks BC7'}. \`compress view\` verified its checksums; this page does not.`,
-      this.scene ? `${Math.round(this.scene.triangles).toLocaleString('en')} triangles; ${Math.round(this.scene.unmapped).toLocaleString('en')} of them, and backs of surfaces, have no texels: they are lit by an ambient term, the 10th percentile of the tiles' means plus a sixth of the sun. No sky, gloss or visible emission.` : 'There is no scene.glb beside the bundle: only the atlas is shown.',
+      this.scene ? `${Math.round(this.scene.triangles).toLocaleString('en')} triangles; ${Math.round(this.scene.unmapped).toLocaleString('en')} of them, and backs of surfaces, have no texels: they are lit by an ambient term, the 10th percentile of the tiles' means plus a sixth of the sun. “As game” (G) shows only what the bundle gives an engine: there they are unlit, black, and need texels or light of the engine, such as probes; backs show the texels of their front. No sky, gloss or visible emission.` : 'There is no scene.glb beside the bundle: only the atlas is shown.',
       meta.reference.note,
       bundle.sun ? "The sun's direct light is a separate stream: it moves between the frames." : "The sun's direct light is in the maps, or omitted.",
     ];
@@ -363,13 +364,13 @@ class Viewer {
     $('play').setAttribute('aria-label', state.playing ? 'Pause (space)' : 'Play (space)');
     $('exposure').value = state.exposure;
     $('ev').textContent = `${state.exposure.toFixed(1)} EV`;
-    $('pin').setAttribute('aria-pressed', String(state.pinned));
+    for (const [id, on] of [['pin', state.pinned], ['game', state.game]]) $(id).setAttribute('aria-pressed', String(on));
     for (const choice of this.choices) choice();
     const on = this.bundle.groups.filter(group => isOn(group.on, mod(state.hour, 24))).map(group => group.name);
     const parts = [on.length ? `on: ${on.join(', ')}` : 'no light group on'];
     if (this.refers()) parts.push(`reference of ${clock(state.hour)}, ${this.referenceShown === state.hour ? meta.reference.precision : this.missing ?? 'which is on its way'}`);
     if (state.view === 'bits') parts.push(`blue: no bits, yellow: ${this.mostBits.toFixed(2)} bits per texel and frame, or more`);
-    if (state.space === 'scene' && this.scene.unmapped > 0) parts.push('what has no texels is lit by an ambient term');
+    if (state.space === 'scene' && this.scene.unmapped > 0) parts.push(state.game ? 'what has no texels is unlit, as in a game without other light' : 'what has no texels is lit by an ambient term');
     $('state').textContent = parts.join(' · ');
   }
 
@@ -561,6 +562,7 @@ class Viewer {
     $('play').onclick = () => this.play();
     $('exposure').oninput = () => { state.exposure = Number($('exposure').value); state.pinned = true; this.redraw(); };
     $('pin').onclick = () => this.pin();
+    $('game').onclick = () => this.asGame();
     $('more').onclick = () => this.about();
     addEventListener('hashchange', () => {
       const hour = hourOf(location.hash);
@@ -583,6 +585,14 @@ class Viewer {
 
   pin() {
     this.state.pinned = !this.state.pinned;
+    this.stale = true;
+    this.redraw();
+  }
+
+  // Shows what has no texels as an engine does, or lit by the ambient term.
+  asGame() {
+    if ($('game').hidden) return;
+    this.state.game = !this.state.game;
     this.stale = true;
     this.redraw();
   }
@@ -624,7 +634,7 @@ class Viewer {
     };
     const steps = {
       ' ': () => this.play(), arrowleft: () => this.setHour(next(-1)), arrowright: () => this.setHour(next(1)),
-      v: () => this.setView(this.shown[(this.shown.indexOf(state.view) + 1) % this.shown.length]), o: () => { state.walks = !state.walks; }, p: () => this.pin(), i: () => this.about(),
+      v: () => this.setView(this.shown[(this.shown.indexOf(state.view) + 1) % this.shown.length]), o: () => { state.walks = !state.walks; }, p: () => this.pin(), g: () => this.asGame(), i: () => this.about(),
       m: () => this.turnPage(), '+': () => this.brighten(0.5), '=': () => this.brighten(0.5), '-': () => this.brighten(-0.5),
       escape: () => {
         this.closePanel();

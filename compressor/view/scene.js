@@ -29,23 +29,24 @@ const DRAW_FRAGMENT = `#version 300 es
 precision highp float; precision highp int;
 in vec2 uv, lm; in vec3 n; in vec4 colour;
 uniform sampler2D map, reference, bits, albedo; uniform vec4 base, uvPlace; uniform vec3 ambient;
-uniform float scale, referenceScale, exposure, cutoff; uniform int view, mode; uniform bool mapped; uniform ivec2 pageSize; uniform float page;
+uniform float scale, referenceScale, exposure, cutoff; uniform int view, mode; uniform bool mapped, game; uniform ivec2 pageSize; uniform float page;
 out vec4 color;
 ${TONE}
 void main() {
   vec4 a = base * colour * texture(albedo, uvPlace.xy * uv + uvPlace.zw);
   if (a.a < cutoff) discard;
-  bool lit = mapped && gl_FrontFacing;
+  // Engines sample a lightmap whatever side they draw.
+  bool lit = mapped && (gl_FrontFacing || game);
   if (mode == 2) { color = lit ? vec4(page + 1., lm, 1) : vec4(0, 0, 0, 1); return; }
   vec3 e = lit ? irradiance(lm) : ambient * (.75 + .25 * normalize(gl_FrontFacing ? n : -n).y);
-  if (!lit && view == 2) e = vec3(0);
+  if (!lit && (game || view == 2)) e = vec3(0);
   if (view == 3) {
     vec3 shade = lit ? texelFetch(bits, ivec2(clamp(lm, 0., .99999) * vec2(pageSize)) / ${PAYLOAD}, 0).rgb : vec3(.25);
     color = vec4(shade * (.7 + .3 * normalize(n).y), 1);
     return;
   }
   vec3 radiance = a.rgb * e / ${Math.PI};
-  color = mode == 1 ? vec4(radiance * scale, 1) : vec4(tone(radiance * exp2(exposure)), a.a);
+  color = mode == 1 ? vec4(radiance * scale, lit || !game) : vec4(tone(radiance * exp2(exposure)), a.a);
 }`;
 
 const PAGE_FRAGMENT = `#version 300 es
@@ -281,7 +282,7 @@ class Scene {
     return new Camera('overview', add(this.middle, way, d), this.middle, 60);
   }
 
-  // Draws into the bound framebuffer. `mode` 0: as a screen shows it; 1: radiance × the pages' scale; 2: page, u and v, with no page where a surface has no texels. `state` has what to show, and where.
+  // Draws into the bound framebuffer. `mode` 0: as a screen shows it; 1: radiance × the pages' scale, with alpha 0 where nothing counts for the exposure; 2: page, u and v, with no page where a surface has no texels. `state` has what to show, and where; its `game` leaves surfaces without texels black.
   draw(camera, width, height, mode, state) {
     const { gl } = this, { program, at } = this.program, clip = camera.matrix(width, height, Math.max(this.radius, 1e-3));
     gl.useProgram(program);
@@ -296,6 +297,7 @@ class Scene {
     gl.uniform3fv(at.ambient, state.ambient);
     gl.uniform1i(at.view, mode === 2 ? 0 : VIEWS.indexOf(state.view));
     gl.uniform1i(at.mode, mode);
+    gl.uniform1i(at.game, state.game ? 1 : 0);
     gl.vertexAttrib4f(4, 1, 1, 1, 1);
     let page = -1, material = null, blends = false;
     gl.disable(gl.BLEND);

@@ -75,7 +75,7 @@ pub fn open(
     let warnings = match changed.is_empty() {
         true => Vec::new(),
         false => vec![format!(
-            "{} gives other light now than when {} was baked ({}): what has no texels shows the light as it is now",
+            "{} gives other light now than when {} was baked ({}): what is not baked shows the light as it is now",
             scene_file.display(),
             folder.display(),
             changed.join(", ")

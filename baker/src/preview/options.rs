@@ -42,7 +42,11 @@ pub struct Options {
     /// lightmaps.
     #[arg(long, value_name = "FILE.ndgi")]
     pub bundle: Option<PathBuf>,
-    /// The picture to write [default: in the dataset's folder, named by camera, hour and bundle].
+    /// Show only what lightmaps or bundle give an engine: what has no texels is unlit, black, and needs
+    /// texels or the engine's own light, such as probes.
+    #[arg(long)]
+    pub as_game: bool,
+    /// The picture to write [default: in the dataset's folder, named by camera, hour, bundle and --as-game].
     #[arg(long, value_name = "FILE.png")]
     pub out: Option<PathBuf>,
     /// Ray-tracing backend: obvhs (built in), or embree in builds with that feature.
@@ -63,6 +67,7 @@ impl Options {
             exposure: None,
             dataset: None,
             bundle: None,
+            as_game: false,
             out: None,
             backend: Backend::default(),
         }
@@ -75,7 +80,8 @@ Examples:
   bake preview scenes/yard.toml --hour 18.5
   bake preview scenes/yard.toml --hour 12 --camera gate --out gate.png
   bake preview scenes/yard.toml --hour 21 --camera \"0,1.7,5\" --look-at \"0,1,-5\" --fov 75
-  bake preview scenes/yard.toml --hour 18.05 --bundle dataset/yard/yard.ndgi     what a game would show from the bundle
+  bake preview scenes/yard.toml --hour 18.05 --bundle dataset/yard/yard.ndgi     decoded light
+  bake preview scenes/yard.toml --hour 18.05 --bundle dataset/yard/yard.ndgi --as-game   and nothing but that
   bake preview scenes/yard.toml --hour 7 --exposure -3 --size 640x360 --samples 4
 
 Surfaces with texels show the baked irradiance, filtered bilinearly, times their albedo ÷ π; texture and cut-outs count. Surfaces
@@ -84,10 +90,13 @@ shadow rays to sun and lamps, and by paths that end where they read baked light 
 --samples), and is not part of the dataset. The backs of one-sided surfaces are not drawn. Lamps and the sun's disc are invisible;
 emissive surfaces and the sky are not. Below the horizon of a computed sky lies the ground of `[sky] ground` (black if false).
 
+With --as-game nothing is estimated: surfaces without texels are black, and do not count for the exposure. The backs of two-sided
+surfaces show their front's texels, as engines sample lightmaps. Emission and sky, which engines draw themselves, stay.
+
 Tone curve, per channel: linear up to 0.7, from there 1 - 0.3 exp(-(x - 0.7) / 0.3), then sRGB in 8 bits.
 
 With --json, one object on stdout: scene, dataset, bundle (null without one), image, hour, frames (hour, weight; none with --bundle), camera (name, position, look_at, fov), size,
-samples, exposure, seconds, warnings.";
+samples, exposure, unlit (with --as-game the share of the surfaces in view that has no texels, else null), seconds, warnings.";
 
 /// `x,y,z`.
 pub fn parse_point(text: &str) -> Result<DVec3, String> {

@@ -1,6 +1,6 @@
 //! All pixels of a view.
 
-use super::shade::Shader;
+use super::shade::{Seen, Shader};
 use crate::light::luminance;
 use crate::trace::lens::Lens;
 use crate::trace::path::point_pair;
@@ -16,8 +16,15 @@ use rayon::prelude::*;
 /// A view in linear light.
 pub struct Picture {
     size: [u32; 2],
-    /// Row by row from the top: mean radiance, and the share of rays that met a surface.
-    pixels: Vec<(Rgb, f32)>,
+    /// Row by row from the top.
+    pixels: Vec<Pixel>,
+}
+
+/// A pixel's mean radiance, and the shares of its rays that met surfaces with light and without.
+struct Pixel {
+    radiance: Rgb,
+    lit: f32,
+    unlit: f32,
 }
 
 impl Picture {
@@ -35,16 +42,18 @@ impl Picture {
         let pixel = |x: u32, y: u32| {
             let of = |stream| Sequence::new(seed, SequenceKind::Pixel, y * width + x, stream);
             let (places, paths) = (of(0), of(1));
-            let (mut sum, mut met) = (Rgb::ZERO, 0);
+            let (mut sum, mut lit, mut unlit) = (Rgb::ZERO, 0, 0);
             for i in 0..samples {
                 let place = Vec2::new(x as f32, y as f32) + point_pair(places.sample(i));
-                let (radiance, is_surface) = shader.radiance(lens.origin, lens.direction(place), paths, i);
+                let (radiance, seen) = shader.radiance(lens.origin, lens.direction(place), paths, i);
                 sum += radiance;
-                met += u32::from(is_surface);
+                lit += u32::from(seen == Seen::Lit);
+                unlit += u32::from(seen == Seen::Unlit);
             }
-            (sum / samples as f32, met as f32 / samples as f32)
+            let share = |count: u32| count as f32 / samples as f32;
+            Pixel { radiance: sum / samples as f32, lit: share(lit), unlit: share(unlit) }
         };
-        let rows: Vec<Vec<(Rgb, f32)>> = (0..height)
+        let rows: Vec<Vec<Pixel>> = (0..height)
             .into_par_iter()
             .map(|y| {
                 stop_if_interrupted()?;
@@ -53,18 +62,21 @@ impl Picture {
                 Ok(row)
             })
             .collect::<Result<_>>()?;
-        Ok(Picture { size, pixels: rows.concat() })
+        Ok(Picture { size, pixels: rows.into_iter().flatten().collect() })
     }
 
-    /// The share of rays that met a surface.
-    pub fn covered(&self) -> f64 {
-        self.pixels.iter().map(|(_, met)| f64::from(*met)).sum::<f64>() / self.pixels.len() as f64
+    /// The shares of rays that met surfaces with light, and without.
+    pub fn met(&self) -> [f64; 2] {
+        let mean = |of: fn(&Pixel) -> f32| {
+            self.pixels.iter().map(|pixel| f64::from(of(pixel))).sum::<f64>() / self.pixels.len() as f64
+        };
+        [mean(|pixel| pixel.lit), mean(|pixel| pixel.unlit)]
     }
 
-    /// The exposure that suits its surfaces, as a power of two: see [`automatic_exposure`].
+    /// The exposure that suits its surfaces with light, as a power of two: see [`automatic_exposure`].
     pub fn exposure(&self) -> f64 {
-        let surfaces = self.pixels.iter().filter(|(_, met)| *met > 0.5);
-        automatic_exposure(surfaces.map(|(radiance, _)| luminance(*radiance)))
+        let surfaces = self.pixels.iter().filter(|pixel| pixel.lit > 0.5);
+        automatic_exposure(surfaces.map(|pixel| luminance(pixel.radiance)))
     }
 
     /// The bytes of a PNG file.
@@ -72,7 +84,7 @@ impl Picture {
         let scale = exposure.exp2() as f32;
         let pixels = self.pixels.iter();
         let samples: Vec<u8> =
-            pixels.flat_map(|(radiance, _)| (*radiance * scale).to_array().map(tone::code)).collect();
+            pixels.flat_map(|pixel| (pixel.radiance * scale).to_array().map(tone::code)).collect();
         let mut bytes = Vec::new();
         image::codecs::png::PngEncoder::new(&mut bytes)
             .write_image(&samples, self.size[0], self.size[1], image::ExtendedColorType::Rgb8)

@@ -130,14 +130,23 @@ pub fn preview(scene_file: &Path, options: &Options, console: &dyn Observer) -> 
         }
     };
     let transport = Transport::new(Space::new(&geometry, &ray_tracer), &light.lights, scene.bake.bounces);
-    let paths = PATHS.div_ceil(options.samples);
+    let paths = (!options.as_game).then(|| PATHS.div_ceil(options.samples));
     let shader = Shader { transport, light: &light, baked: &baked, paths };
     let lens = Lens::new(&camera, geometry.origin, options.size);
     let picture = Picture::trace(&shader, &lens, options.size, options.samples, scene.bake.seed, console)?;
-    if picture.covered() == 0.0 {
+    let [lit, unlit] = picture.met();
+    if lit + unlit == 0.0 {
         let nothing = "the camera sees no surface";
         console.warn(nothing);
         warnings.push(nothing.to_owned());
+    }
+    let unlit_share = options.as_game.then(|| unlit / (lit + unlit).max(f64::MIN_POSITIVE));
+    if let Some(share) = unlit_share.filter(|share| *share > 0.0) {
+        console.say(format!(
+            "{:.1} % of the surfaces in view have no texels and are black: in a game they need texels (`lightmap = true`) or other light, \
+             such as probes",
+            100.0 * share
+        ));
     }
     let exposure = options.exposure.unwrap_or_else(|| picture.exposure());
     let out = options.out.clone().unwrap_or_else(|| {
@@ -145,7 +154,8 @@ pub fn preview(scene_file: &Path, options: &Options, console: &dyn Observer) -> 
         let name: String = camera.name.chars().map(plain).collect();
         let bundle = options.bundle.as_deref().and_then(Path::file_stem).map(|stem| stem.to_string_lossy());
         let bundle: String = bundle.map_or(String::new(), |stem| format!("-of-{stem}"));
-        folder.join(format!("preview-{name}-{}{bundle}.png", options.hour))
+        let mode = if options.as_game { "-as-game" } else { "" };
+        folder.join(format!("preview-{name}-{}{bundle}{mode}.png", options.hour))
     });
     write_atomically(&out, &picture.to_png(exposure))?;
 
@@ -169,6 +179,7 @@ pub fn preview(scene_file: &Path, options: &Options, console: &dyn Observer) -> 
         "size": options.size,
         "samples": options.samples,
         "exposure": exposure,
+        "unlit": unlit_share,
         "seconds": start.elapsed().as_secs_f64(),
         "warnings": warnings,
     }))

@@ -13,6 +13,7 @@ use crate::trace::sampler::Sequence;
 use crate::trace::triangle::Hit;
 use glam::Vec3;
 use std::f32::consts::PI;
+use std::ops::Range;
 
 /// Radiance along camera rays.
 pub struct Shader<'a> {
@@ -22,14 +23,26 @@ pub struct Shader<'a> {
     pub light: &'a Light,
     /// Its light on surfaces with texels.
     pub baked: &'a Baked,
-    /// Paths that estimate the light of a surface without texels, per camera ray.
-    pub paths: u32,
+    /// Paths that estimate the light of a surface without texels, per camera ray; `None`: as an engine that
+    /// has nothing but the texels, which leaves it black, and lights backs like their fronts.
+    pub paths: Option<u32>,
+}
+
+/// What a camera ray ends at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Seen {
+    /// The sky, or the ground below it.
+    Outside,
+    /// A surface with light.
+    Lit,
+    /// A surface that nothing lights.
+    Unlit,
 }
 
 impl Shader<'_> {
-    /// Radiance that arrives along a camera ray, and whether it is a surface's; `number` is the ray's place
-    /// in its pixel's `paths`.
-    pub fn radiance(&self, origin: Vec3, direction: Vec3, paths: Sequence, number: u32) -> (Rgb, bool) {
+    /// Radiance that arrives along a camera ray, and what from; `number` is the ray's place in its pixel's
+    /// `paths`.
+    pub fn radiance(&self, origin: Vec3, direction: Vec3, paths: Sequence, number: u32) -> (Rgb, Seen) {
         /// Backs that one ray passes; more are the walls of an endless stack.
         const MOST_BACKS: usize = 256;
         let (space, geometry) = (&self.transport.space, self.transport.space.geometry);
@@ -55,32 +68,39 @@ impl Shader<'_> {
                 continue;
             }
             let albedo = geometry.albedo_at(triangle, hit.barycentric);
-            let reflected = match self.of_texel(&hit, is_back) {
-                Some(irradiance) => albedo * irradiance / PI,
-                None if albedo == Rgb::ZERO => Rgb::ZERO,
-                None => albedo * self.estimate(&hit, is_back, paths, number) / PI,
+            let (irradiance, what) = match (self.of_texel(&hit, is_back), self.paths) {
+                (Some(irradiance), _) => (irradiance, Seen::Lit),
+                (None, Some(_)) if albedo == Rgb::ZERO => (Rgb::ZERO, Seen::Lit),
+                (None, Some(count)) => {
+                    let numbers = number * count..(number + 1) * count;
+                    (self.estimate(&hit, is_back, paths, numbers), Seen::Lit)
+                }
+                (None, None) => (Rgb::ZERO, Seen::Unlit),
             };
-            seen += left * (reflected + self.light.emission(geometry, triangle, hit.barycentric));
+            let emitted = self.light.emission(geometry, triangle, hit.barycentric);
+            seen += left * (albedo * irradiance / PI + emitted);
             if !is_glass {
-                return (seen, true);
+                return (seen, what);
             }
             left *= geometry.transmittance_at(triangle, hit.barycentric);
             if left.max_element() < BLOCKED_BELOW {
-                return (seen, true);
+                return (seen, what);
             }
             passed.add(&hit);
         }
-        (seen + left * self.light.sky(direction), false)
+        (seen + left * self.light.sky(direction), Seen::Outside)
     }
 
     /// Baked irradiance, where there is any.
     fn of_texel(&self, hit: &Hit, is_back: bool) -> Option<Rgb> {
-        if is_back { None } else { self.baked.irradiance(hit.triangle, hit.barycentric) }
+        let is_lightless = is_back && self.paths.is_some();
+        if is_lightless { None } else { self.baked.irradiance(hit.triangle, hit.barycentric) }
     }
 
     /// Irradiance where nothing was baked: light straight from sun and lamps, and paths that end at the first
     /// baked surface.
-    fn estimate(&self, hit: &Hit, is_back: bool, paths: Sequence, number: u32) -> Rgb {
+    fn estimate(&self, hit: &Hit, is_back: bool, paths: Sequence, numbers: Range<u32>) -> Rgb {
+        let count = numbers.len();
         let point = SurfacePoint { triangle: hit.triangle, barycentric: hit.barycentric };
         let space = &self.transport.space;
         let Some(at) = space.receiver_on(&point, is_back) else { return Rgb::ZERO };
@@ -88,7 +108,7 @@ impl Shader<'_> {
         let (mut layers, mut read) = (vec![Rgb::ZERO; lights.layers()], Rgb::ZERO);
         let (mut direct, mut hit_light) = (layers.clone(), vec![Rgb::ZERO; lights.hit_lights()]);
         let mut counts = RayCounts::default();
-        for path in number * self.paths..(number + 1) * self.paths {
+        for path in numbers {
             let sample = paths.sample(path);
             self.transport.add_direct(&at, Rgb::ONE, sample, 0, &mut direct, &mut counts);
             self.transport.indirect(
@@ -107,6 +127,6 @@ impl Shader<'_> {
             );
         }
         lights.add_held(&direct, &hit_light, &mut layers);
-        (self.light.sum(&layers) + read) / self.paths as f32
+        (self.light.sum(&layers) + read) / count as f32
     }
 }

@@ -118,6 +118,45 @@ fn what_has_no_texels_looks_like_what_has() {
     assert!((mean - 137.0).abs() < 1.5, "{mean}");
 }
 
+/// What has no texels is black and does not count for the exposure; a back shows its front's texels.
+#[test]
+fn as_game_shows_nothing_but_texels() {
+    let block = Obj::default().mesh("block").block([-0.5, 0.1, -0.5], [1.0, 0.2, 1.0]);
+    let sheet = Obj::default().mesh("sheet").floor([1.0, 1.0, -0.5], 1.0, 1.0);
+    let stage =
+        Stage::new(&[floor(), ("block.obj", block.bytes().into()), ("sheet.obj", sheet.bytes().into())]);
+    let objects = "[[object]]\nfile = \"block.obj\"\nalbedo = 0.5\nlightmap = false\n\
+                   [[object]]\nfile = \"sheet.obj\"\nalbedo = 0.5\ntwo_sided = true\n";
+    stage.bake(&format!("{objects}{FLOOR}{SAMPLES}"), SET, "12", |_| ());
+    let bundle = stage.compress(|_| ());
+    let above = |as_game, exposure, bundle| {
+        let view = from("0,3,0.1", [0.0; 3]);
+        stage.draw(Options { as_game, exposure, bundle, ..view }).unwrap()
+    };
+    let pixels = |picture: &RgbImage| [picture.get_pixel(20, 20).0, picture.get_pixel(4, 20).0];
+    let near = |pixel: [u8; 3], code: u8, off: u8| pixel.iter().all(|c| c.abs_diff(code) <= off);
+    let (told, picture) = above(false, Some(-1.0), None);
+    let [top, ground] = pixels(&picture);
+    assert!(near(top, 137, 12) && near(ground, 137, 3) && told["unlit"].is_null(), "{top:?} {ground:?}");
+    for bundle in [None, Some(bundle)] {
+        let (told, picture) = above(true, Some(-1.0), bundle.clone());
+        let [top, ground] = pixels(&picture);
+        assert!(top == [0; 3] && near(ground, 137, 8), "{bundle:?}: {top:?} {ground:?}");
+        // The block's top is 1 m of a view 3.1 m wide at its height.
+        let unlit = told["unlit"].as_f64().unwrap();
+        assert!((0.08..0.15).contains(&unlit), "{unlit}");
+        let (told, _) = above(true, None, bundle);
+        // As the floor's ½ becomes middle grey.
+        let exposure = told["exposure"].as_f64().unwrap();
+        assert!((exposure - 0.36f64.log2()).abs() < 0.1, "{exposure}");
+    }
+    let below = |as_game| {
+        let view = Options { as_game, exposure: Some(-1.0), ..from("1.5,0.3,0.1", [1.5, 1.0, 0.0]) };
+        stage.draw(view).unwrap().1.get_pixel(20, 20).0
+    };
+    assert!(near(below(true), 137, 4) && below(false)[1] < 120, "{:?} {:?}", below(true), below(false));
+}
+
 #[test]
 fn bytes_do_not_depend_on_the_number_of_threads() {
     let case = instances();

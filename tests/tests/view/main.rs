@@ -225,6 +225,7 @@ fn works(browser: &str, html: &str, root: &Path, bundle: &Path) {
         "pauses",
         "atlas",
         "picks",
+        "as_game",
         "hashes",
         "follows",
         "bare",
@@ -241,6 +242,8 @@ fn works(browser: &str, html: &str, root: &Path, bundle: &Path) {
         let most = if view.contains("difference") { 1.0 } else { 0.5 };
         assert!(number(off) < most, "{view}: {found:#}");
     }
+    // (Beside what is unlit other surfaces are seen when it is away.)
+    assert!(number(&found["exposure_as_game"]) < 1.0, "{found:#}");
     let says = |key: &str, what: &str| assert!(found[key].as_str().unwrap().contains(what), "{found:#}");
     says("texel", "PSNR");
     says("facts", "no texels");

@@ -113,6 +113,30 @@
   await frames(2);
   const seen = viewer.pick(innerWidth / 2, innerHeight / 2);
   found.picks = state.space === 'scene' && seen?.page === 0 && seen.x >= 0 && seen.x < width && seen.y >= 0 && seen.y < height;
+  // As a game what has no texels is black, and what has some is as before; by key and by button.
+  const { draws } = viewer.scene, wasPinned = state.pinned, drawn = async () => { viewer.redraw(); await frames(2); return look(canvas.width, canvas.height); };
+  const middle = data => [0, 1, 2].map(c => data[4 * (Math.floor(canvas.height / 2) * canvas.width + Math.floor(canvas.width / 2)) + c]);
+  const tells = (pressed, text) => $('game').getAttribute('aria-pressed') === String(pressed) && $('state').textContent.includes(text);
+  state.pinned = true;
+  const mapped = draws.map(draw => draw.mapped), usual = await drawn();
+  found.as_game = !state.game && !$('game').hidden && press('g').defaultPrevented && state.game && (await drawn()).every((value, i) => value === usual[i]);
+  viewer.scene.unmapped = 1;
+  draws.forEach(draw => { draw.mapped = false; });
+  found.as_game &&= middle(await drawn()).every(code => code === 0) && tells(true, 'unlit');
+  $('game').focus();
+  found.as_game &&= document.activeElement === $('game') && $('game').textContent === 'as game';
+  $('game').click();
+  found.as_game &&= middle(await drawn()).some(code => code > 0) && tells(false, 'ambient term');
+  // The exposure is that of what has light.
+  const [unlit] = draws;
+  draws.forEach((draw, i) => { draw.mapped = mapped[i] && draw !== unlit; });
+  const exposed = game => { Object.assign(state, { game, pinned: false }); viewer.stale = true; viewer.expose(); return state.exposure; };
+  const [asGame, without] = [exposed(true), (viewer.scene.draws = draws.filter(draw => draw !== unlit), exposed(false))];
+  viewer.scene.draws = draws;
+  found.exposure_as_game = Math.abs(asGame - without);
+  draws.forEach((draw, i) => { draw.mapped = mapped[i]; });
+  viewer.scene.unmapped = 0;
+  state.pinned = wasPinned;
   await viewer.inspect(seen);
   found.texel = $('texel').textContent;
   // The panel follows the time; addresses take hours of a clock, and later ones too.
