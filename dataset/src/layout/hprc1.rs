@@ -1,9 +1,9 @@
 //! The layout `hprc1`: folders by light type, times 1 to 24.
 //!
 //! `config.json` holds `lightmap_count` and `lightmap_list` of `id` (a number or a text), `resolution`
-//! {`width`, `height`} and `parts`. The light is in `Original/` and, where it is stored separately, in `DirectionalOnly/`,
-//! `SkyLightOnly/` and `LocalOnly/`, the masks in `Mask/`. Time t is t o'clock; 24 is midnight, the hour 0 of
-//! a dataset. Lightmaps are cut by height into `parts` equal files.
+//! {`width`, `height`} and `parts`. The light is in `Original/` and, where it is stored separately, in
+//! `DirectionalOnly/`, `SkyLightOnly/` and `LocalOnly/`, the masks in `Mask/`. Time t is t o'clock; 24 is
+//! midnight, the hour 0 of a dataset. Lightmaps are cut by height into `parts` equal files.
 
 use super::{
     Config, Id, LIGHT_BYTES, Layout, Lightmap, Lightmaps, Parts, Planned, PlannedFrame, Resolution, list,

@@ -1,8 +1,9 @@
 //! The layout `hprc2`: `config.json`, which names every file, and `Data/`.
 //!
-//! `config.json` holds `lightmap_count` and `lightmap_list` of `id` (a number or a text), `level`,
-//! which together identify a lightmap, `resolution` {`width`, `height`}, and `lightmaps` and `masks`, from time keys to names in `Data/`. A time key is the hour × 100:
-//! `"0"` to `"2300"`, and `"590"` and `"1810"` on the lit side of a switch at 6 and 18 h.
+//! `config.json` holds `lightmap_count` and `lightmap_list` of `id` (a number or a text), `level`, which
+//! together identify a lightmap, `resolution` {`width`, `height`}, and `lightmaps` and `masks`, from time
+//! keys to names in `Data/`. A time key is the hour × 100: `"0"` to `"2300"`, and `"590"` and `"1810"` on the
+//! lit side of a switch at 6 and 18 h.
 
 use super::{Config, Id, Layout, Lightmap, Lightmaps, Planned, PlannedFrame, Resolution};
 use crate::files::is_component;

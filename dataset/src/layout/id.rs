@@ -5,8 +5,8 @@ use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::fmt;
 
-/// The id of a lightmap as its configuration has it: the number 1 or the text "1". Both are the same id, which
-/// is part of file names.
+/// The id of a lightmap as its configuration has it: the number 1 or the text "1". Both are the same id,
+/// which is part of file names.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[serde(untagged)]
 pub enum Id {
