@@ -9,8 +9,8 @@ const VIEWS = ['decoded', 'reference', 'difference', 'bits'];
 const DRAW_VERTEX = `#version 300 es
 in vec3 position, normal; in vec2 texcoord, lightmap; in vec4 tint;
 uniform mat4 clip; uniform mat3 turn; uniform vec4 place;
-out vec2 uv, lm; out vec3 n; out vec4 colour;
-void main() { uv = texcoord; lm = place.xy * lightmap + place.zw; n = turn * normal; colour = tint; gl_Position = clip * vec4(position, 1); }`;
+out vec2 uv, lm; out vec3 n, p; out vec4 colour;
+void main() { p = turn * position; uv = texcoord; lm = place.xy * lightmap + place.zw; n = turn * normal; colour = tint; gl_Position = clip * vec4(position, 1); }`;
 
 // The tone curve is that of bake preview: linear to 0.7, then towards 1, then sRGB.
 const TONE = `
@@ -27,7 +27,7 @@ vec3 irradiance(vec2 at) {
 
 const DRAW_FRAGMENT = `#version 300 es
 precision highp float; precision highp int;
-in vec2 uv, lm; in vec3 n; in vec4 colour;
+in vec2 uv, lm; in vec3 n, p; in vec4 colour;
 uniform sampler2D map, reference, bits, albedo; uniform vec4 base, uvPlace; uniform vec3 ambient;
 uniform float scale, referenceScale, exposure, cutoff; uniform int view, mode; uniform bool mapped, game; uniform ivec2 pageSize; uniform float page;
 out vec4 color;
@@ -38,11 +38,13 @@ void main() {
   // Engines sample a lightmap whatever side they draw.
   bool lit = mapped && (gl_FrontFacing || game);
   if (mode == 2) { color = lit ? vec4(page + 1., lm, 1) : vec4(0, 0, 0, 1); return; }
-  vec3 e = lit ? irradiance(lm) : ambient * (.75 + .25 * normalize(gl_FrontFacing ? n : -n).y);
+  // Flat meshes have no normals.
+  vec3 facing = normalize(dot(n, n) > 0. ? (gl_FrontFacing ? n : -n) : cross(dFdx(p), dFdy(p)));
+  vec3 e = lit ? irradiance(lm) : ambient * (.75 + .25 * facing.y);
   if (!lit && (game || view == 2)) e = vec3(0);
   if (view == 3) {
     vec3 shade = lit ? texelFetch(bits, ivec2(clamp(lm, 0., .99999) * vec2(pageSize)) / ${PAYLOAD}, 0).rgb : vec3(.25);
-    color = vec4(shade * (.7 + .3 * normalize(n).y), 1);
+    color = vec4(shade * (.7 + .3 * facing.y), 1);
     return;
   }
   vec3 radiance = a.rgb * e / ${Math.PI};
