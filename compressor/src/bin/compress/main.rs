@@ -272,7 +272,18 @@ fn decode(
     let timeline = &header.timeline;
     let point = timeline.at(hour);
     let (from, to) = (timeline.hours[point.a], timeline.hours[point.b]);
-    if from != to && (to - from).rem_euclid(24.0) > WIDEST {
+    if let Some(range) = baked_range_without(&timeline.hours, hour) {
+        let baked = match range {
+            [first, last] if first == last => format!("{first} h alone is baked"),
+            [first, last] => format!("{first} h to {last} h are baked"),
+        };
+        let shown = match from == to {
+            true => format!("the light of {from} h"),
+            false => format!("an interpolation across midnight, from {from} h to {to} h"),
+        };
+        let sunless = if header.sun.is_some() { ", without the sun's direct light" } else { "" };
+        console.warn(format!("{hour} h is outside the baked range ({baked}): the image shows {shown}{sunless}; bake that hour too (`bake --hours`), or decode one in the range"));
+    } else if from != to && (to - from).rem_euclid(24.0) > WIDEST {
         console.warn(format!("{hour} h lies in a wide gap between the frames of {from} h and {to} h: the image is interpolated from these, without the sun's direct light at {hour} h; bake more hours for a better one"));
     }
     if !timeline.shows(hour) {
@@ -287,4 +298,32 @@ fn decode(
     let seconds = start.elapsed().as_secs_f64();
     console.result(&json!({ "out": out, "page": page, "hour": hour, "width": image.width, "height": image.height, "seconds": seconds }))?;
     Ok(())
+}
+
+/// First and last of the frames' hours, if `hour` lies in the gap around midnight between them, and that is
+/// wider than every other: a bake of a whole day has none.
+fn baked_range_without(hours: &[f64], hour: f64) -> Option<[f64; 2]> {
+    let (first, last) = (*hours.first()?, *hours.last()?);
+    let widest = hours.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
+    // (Hours such as 0.1 are not exact.)
+    let is_day = first + 24.0 - last <= widest + 1e-6;
+    (!(first..=last).contains(&hour) && !is_day).then_some([first, last])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::baked_range_without;
+
+    #[test]
+    fn an_hour_before_the_first_or_after_the_last_is_outside_unless_the_day_is_whole() {
+        let outside = |hours: &[f64], hour| baked_range_without(hours, hour).is_some();
+        let whole: Vec<f64> = (0..24).map(f64::from).collect();
+        let forenoon = [8.0, 9.0, 9.5, 12.0];
+        assert!(!outside(&whole, 23.5) && !outside(&whole, 0.0));
+        assert!(!outside(&[0.0, 6.0, 12.0, 18.0], 21.0));
+        assert!([8.0, 8.5, 11.0, 12.0].iter().all(|&hour| !outside(&forenoon, hour)));
+        assert!([0.0, 7.99, 12.01, 23.0].iter().all(|&hour| outside(&forenoon, hour)));
+        assert!(outside(&[12.0], 12.5) && outside(&[12.0], 11.5) && !outside(&[12.0], 12.0));
+        assert_eq!(baked_range_without(&forenoon, 20.0), Some([8.0, 12.0]));
+    }
 }
