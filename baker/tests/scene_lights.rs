@@ -1,10 +1,11 @@
 //! What shines in geometry files: lamps, glowing materials, and the groups they become.
 
 use baker::geometry::{self, FileLampKind, Geometry};
-use baker::scene::{self, Lamp, Scene};
+use baker::scene::{self, Lamp, Scene, SunTrack};
 use base64::Engine;
 use glam::{DMat4, DVec3};
 use serde_json::{Value, json};
+use std::f64::consts::PI;
 use std::fs;
 use std::path::Path;
 
@@ -176,6 +177,33 @@ fn scale_instances_and_switching_off() {
         ),
         "{warnings:?}"
     );
+}
+
+#[test]
+fn each_lighting_mode_of_blender_gives_the_same_light() {
+    // A sun of 5 W/m² and a point of 1000 W, as each mode exports them.
+    let watts_per_steradian = 1000.0 / (4.0 * PI);
+    for (unit, sun, lamp) in [
+        ("standard", 683.0 * 5.0, 683.0 * watts_per_steradian),
+        ("unitless", 5.0, watts_per_steradian),
+        ("raw", 5.0, 1000.0),
+    ] {
+        let nodes =
+            json!([{ "name": "sun", "extensions": light(0) }, { "name": "lamp", "extensions": light(1) }]);
+        let lights =
+            json!([{ "type": "directional", "intensity": sun }, { "type": "point", "intensity": lamp }]);
+        let asset = asset(nodes, lights, json!([{}]));
+        for scale in [1.0, 2.0] {
+            let (scene, ..) = load(&asset, &format!("[lights]\nunit = \"{unit}\"\nscale = {scale}"), "");
+            let SunTrack::Authored(track) = &scene.sun.as_ref().unwrap().track else { panic!("{unit}") };
+            // (glTF holds single precision.)
+            let klx = track[0].irradiance / scale;
+            assert!((klx - DVec3::splat(3.415)).length() < 1e-6, "{unit}: {klx}");
+            let Lamp::Point { intensity, .. } = scene.groups[0].lamps[0] else { panic!("{unit}") };
+            let kcd = intensity / scale;
+            assert!((kcd / (0.683 * watts_per_steradian) - 1.0).length() < 1e-6, "{unit}: {kcd}");
+        }
+    }
 }
 
 #[test]

@@ -40,7 +40,12 @@ pub(super) fn lamps(
                 groups.leave_out(&names, None);
                 continue;
             }
-            let light = lamp.colour * (lamp.intensity / KILO * scene.lights.scale);
+            let unit = match lamp.kind {
+                FileLampKind::Directional => scene.lights.lux,
+                FileLampKind::Point | FileLampKind::Spot { .. } => scene.lights.candela,
+                FileLampKind::Ies(_) => scene.lights.profile,
+            };
+            let light = lamp.colour * (lamp.intensity / KILO * unit);
             if light.max_element() <= 0.0 {
                 notes.add(&file, "lamp", &lamp.name, "gives no light: its colour or its intensity is 0");
                 continue;

@@ -347,8 +347,12 @@ pub struct SurfaceOverrides {
 pub struct LightsOfFiles {
     /// Whether they shine.
     pub from_file: bool,
-    /// What the candela and lux of their lamps are multiplied by.
-    pub scale: f64,
+    /// Candela of their points and spots where they write 1.
+    pub candela: f64,
+    /// Lux of their directional lights where they write 1.
+    pub lux: f64,
+    /// What the candela of their photometric profiles are multiplied by.
+    pub profile: f64,
     /// Radiance in kcd/m² where a file's emission is 1.
     pub emission: f64,
     /// Names of lamps and materials (`*` stands for any run of characters), each with its group's index.
@@ -357,7 +361,7 @@ pub struct LightsOfFiles {
 
 impl Default for LightsOfFiles {
     fn default() -> Self {
-        Self { from_file: true, scale: 1.0, emission: 1.0, names: Vec::new() }
+        Self { from_file: true, candela: 1.0, lux: 1.0, profile: 1.0, emission: 1.0, names: Vec::new() }
     }
 }
 
