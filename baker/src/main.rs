@@ -9,6 +9,7 @@ use baker::bake::facts::{skipped, unwrapped};
 use baker::bake::forecast::{ESCAPE_RAYS, Forecast, forecast, scale};
 use baker::bake::layout_estimate::LayoutEstimate;
 use baker::bake::local_errors::LocalErrorSummary;
+use baker::bake::mistakes;
 use baker::bake::plan::hour;
 use baker::bake::prediction::{Point, Prediction, predict};
 use baker::bake::run::{Denoise, Integrator, Options, Outcome, Preset, bake, prepare};
@@ -323,10 +324,11 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
     let unwrapped = unwrapped(charts.counts());
     charts.keep(&out);
     // (What a coarser layout would warn of need not be so in a bake.)
-    let (of_layout, notes) = match layout.texel_scale == 1 {
+    let (mut of_layout, notes) = match layout.texel_scale == 1 {
         true => (layout.atlas.warnings.clone(), layout.atlas.notes.clone()),
         false => (Vec::new(), layout.in_words().into_iter().collect()),
     };
+    of_layout.extend(mistakes::warnings(&prepared, layout.texels_per_metre())?);
     of_layout.iter().for_each(|w| console.warn(w));
     let forecast = forecast(&prepared, &layout)?;
     let (left, free) =

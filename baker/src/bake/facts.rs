@@ -247,7 +247,18 @@ pub fn of_bake(
 pub(super) fn density(per_metre: f64) -> String {
     match per_metre {
         0.95.. => format!("{per_metre:.1}"),
-        0.001.. => format!("{per_metre:.*}", 1 - per_metre.log10().floor() as usize),
+        0.001.. => format!("{per_metre:.*}", (1.0 - per_metre.log10().floor()) as usize),
         _ => format!("{per_metre:.1e}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::density;
+
+    #[test]
+    fn small_numbers_have_two_digits() {
+        let shown = [1234.56, 44.71, 0.96, 0.123, 0.0456, 2e-7].map(density);
+        assert_eq!(shown, ["1234.6", "44.7", "1.0", "0.12", "0.046", "2.0e-7"]);
     }
 }

@@ -51,4 +51,5 @@ pub mod output;
 pub mod existing;
 pub mod prediction;
 pub mod facts;
+pub mod mistakes;
 pub mod run;

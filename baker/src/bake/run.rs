@@ -16,6 +16,7 @@ use super::kept;
 use super::layers::{FilteredLayer, Layers, Texel};
 use super::layout_estimate::LayoutEstimate;
 use super::local_errors::{CellMap, Pieces};
+use super::mistakes;
 use super::output::OutputFolder;
 use super::rounds::{Traced, guaranteed_samples};
 use super::state::SumKinds;
@@ -161,7 +162,7 @@ fn unwrap(
         count(plan.layers(), "layer")
     ));
     let charts = if options.force { Charts::none() } else { Charts::beside(output.root()) };
-    let (atlas, rays) = {
+    let (mut atlas, rays) = {
         let progress = console.progress("unwrapping", 1);
         let unwrapped = prepared.atlas_from(&charts)?;
         progress.advance(1);
@@ -175,6 +176,7 @@ fn unwrap(
         let notes = views::in_words(&views, views::lit_tiles(&atlas, TILE));
         notes.into_iter().for_each(|note| console.say(format!("  {note}")));
     }
+    atlas.warnings.extend(mistakes::warnings(prepared, atlas.texels_per_metre)?);
     atlas.warnings.iter().for_each(|warning| console.warn(warning));
     Ok((LayoutEstimate::exact(atlas, rays), charts))
 }

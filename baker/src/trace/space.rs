@@ -137,6 +137,12 @@ impl<'a> Space<'a> {
         self.front(hit.triangle).dot(direction) > 0.0 && !self.material(hit.triangle).two_sided
     }
 
+    /// Whether a hit is on the back of a triangle that bounds a solid: where it is met first, the ray begins
+    /// inside the solid.
+    pub fn is_back_of_solid(&self, hit: &Hit, direction: Vec3) -> bool {
+        self.solids.bound_by(hit.triangle) && self.is_absorbing_back(hit, direction)
+    }
+
     /// What is met at once with a hit: where a body stands against another (a wall under a ceiling), the back
     /// of one and the front of the other.
     fn coincident_hit(
@@ -168,7 +174,7 @@ impl<'a> Space<'a> {
         (0..3).any(|k| {
             let (hit, direction) = (self.hit_in(at, k, known_hits, counts), directions[k]);
             hit.is_some_and(|hit| {
-                self.solids.bound_by(hit.triangle) && self.is_absorbing_back(&hit, direction) && {
+                self.is_back_of_solid(&hit, direction) && {
                     let other = self.coincident_hit(at, direction, &hit, counts);
                     other.is_none_or(|other| self.is_absorbing_back(&other, direction))
                 }
