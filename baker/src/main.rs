@@ -59,11 +59,12 @@ enum Command {
         #[command(flatten)]
         options: PreviewOptions,
     },
-    /// Write a scene file for a model: its unit, windows and cameras as far as they can be guessed.
+    /// Write a scene file for models: their unit, windows and cameras as far as they can be guessed.
     #[command(after_help = starter::HELP)]
     New {
-        /// The model: .glb, .gltf or .obj.
-        model: PathBuf,
+        /// The models: .glb, .gltf or .obj files.
+        #[arg(required = true, value_name = "MODEL")]
+        models: Vec<PathBuf>,
         #[command(flatten)]
         options: starter::Options,
     },
@@ -206,8 +207,8 @@ fn main() -> ExitCode {
         Some(Command::Preview { scene, options }) => {
             preview(&scene, &options, &console).and_then(|result| console.result(&result))
         }
-        Some(Command::New { model, options }) => {
-            starter::new(&model, &options, &console).and_then(|result| console.result(&result))
+        Some(Command::New { models, options }) => {
+            starter::new(&models, &options, &console).and_then(|result| console.result(&result))
         }
     };
     match done {

@@ -344,7 +344,7 @@ fn models_of_other_formats_are_told_how_to_convert() {
         fs::write(&path, b"\xff").unwrap();
         let object =
             write(folder.path(), &format!("[[object]]\nfile = \"{file}\"\n")).unwrap_err().to_string();
-        let model = Scene::of_model(&path).unwrap_err().to_string();
+        let model = Scene::of_models(std::slice::from_ref(&path)).unwrap_err().to_string();
         let scene = scene::load(&path).unwrap_err().to_string();
         for message in [object, model, scene] {
             assert!(message.contains(file) && message.contains(told), "{message}");

@@ -112,9 +112,7 @@ struct Writer<'a> {
 impl Writer<'_> {
     fn write(mut self) -> Result<Written> {
         let originals = &self.geometry.originals;
-        let is_baked = |source: &&Source| matches!(source.placed, Placed::Baked(_));
-        let (baked, instances) =
-            (originals.sources.iter().filter(is_baked).count(), self.geometry.instances.len());
+        let (baked, instances) = (originals.baked().count(), self.geometry.instances.len());
         if baked != instances {
             return Err(Error::invalid("scene.glb", format!("{baked} instances of {instances} in files")));
         }

@@ -210,16 +210,16 @@ fn read_file(object: &Object, textures: &mut TextureStore, notes: &mut Notes) ->
         }
     };
     let has_triangles = |p: &&NodeMesh| !model.meshes[p.mesh].triangles.is_empty();
-    match model.placements.iter().filter(has_triangles).map(|p| p.is_hidden).min() {
-        Some(false) => {}
+    let what = match model.placements.iter().filter(has_triangles).map(|p| p.is_hidden).min() {
+        Some(false) => return Ok(model),
         Some(true) => {
-            let what =
-                "all of its meshes are hidden (KHR_node_visibility): expected at least one that is visible";
-            return Err(Error::invalid(object.file.display(), what));
+            "all of its meshes are hidden (KHR_node_visibility): expected at least one that is visible"
         }
-        None => return Err(Error::invalid(object.file.display(), "expected at least one triangle")),
-    }
-    Ok(model)
+        None => {
+            "expected at least one triangle: the file has no faces (points, lines and curves are not baked)"
+        }
+    };
+    Err(Error::invalid(object.file.display(), what))
 }
 
 /// Writes all placed meshes that are baked in world space, around the centre of their bounding box.

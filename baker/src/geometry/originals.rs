@@ -145,6 +145,11 @@ impl File {
 }
 
 impl Originals {
+    /// Where the geometry's instances come from, in their order.
+    pub fn baked(&self) -> impl Iterator<Item = &Source> + Clone {
+        self.sources.iter().filter(|source| matches!(source.placed, Placed::Baked(_)))
+    }
+
     /// The cameras of all files, each in the space of its file.
     pub fn cameras(&self) -> impl Iterator<Item = &FileCamera> {
         self.files.iter().flat_map(|file| &file.cameras)

@@ -11,7 +11,7 @@ fn scene(location: Option<Location>, sun: Option<Sun>, sky: Option<Sky>) -> Scen
 
 fn scene_without_light() -> Scene {
     let file = tempfile::Builder::new().suffix(".obj").tempfile().unwrap();
-    Scene::of_model(file.path()).unwrap()
+    Scene::of_models(&[file.path().to_owned()]).unwrap()
 }
 
 fn location(latitude: f64, date: (i32, u32, u32)) -> Location {

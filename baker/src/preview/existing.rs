@@ -126,7 +126,7 @@ fn of_dataset(
         );
         return Err(Error::invalid(folder.display(), what));
     };
-    scene.objects = Scene::of_model(&folder.join(&file.path))?.objects;
+    scene.objects = Scene::of_models(&[folder.join(&file.path)])?.objects;
     let (mut geometry, _) = geometry::load(&scene)?;
     for instance in &mut geometry.instances {
         instance.lightmap = matches!(instance.lightmap_place, LightmapPlace::At { .. });

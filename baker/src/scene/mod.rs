@@ -14,6 +14,7 @@ mod load;
 
 pub use ies::Profile;
 pub use load::{is_reserved, load};
+pub use object::transform_of;
 pub use radiance::read_radiance;
 pub use sky::SkyImage;
 
@@ -99,31 +100,39 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// A model by itself, in its own unit: no light, and every default.
+    /// Models by themselves, each in its own unit: no light, and every default.
     ///
     /// # Errors
-    /// A file that is no model, or is not there.
-    pub fn of_model(file: &Path) -> Result<Scene> {
-        if !object::is_model(file) {
-            let hint = object::conversion(file);
-            let what = format!("expected a model: an .obj, .gltf or .glb file{hint}");
-            return Err(Error::invalid(file.display(), what));
+    /// Files that are no models, are not there, or are given twice.
+    pub fn of_models(files: &[PathBuf]) -> Result<Scene> {
+        let mut errors: Vec<Error> = files.iter().filter_map(|file| object::why_no_model(file)).collect();
+        let same = |a: &Path, b: &Path| match (a.canonicalize(), b.canonicalize()) {
+            (Ok(a), Ok(b)) => a == b,
+            _ => false,
+        };
+        errors.extend(files.iter().enumerate().filter(|(i, file)| files[..*i].iter().any(|f| same(f, file))).map(
+            |(_, file)| {
+                let what = "is given twice; in a scene file, `instances` of an [[object]] place a model more than once";
+                Error::invalid(file.display(), what)
+            },
+        ));
+        if errors.len() > 1 {
+            let list: String = errors.iter().map(|error| format!("\n  {error}")).collect();
+            return Err(Error::invalid("the models", format!("{} errors:{list}", errors.len())));
         }
-        if !file.is_file() {
-            return Err(Error::invalid(
-                file.display(),
-                "no such file; expected a model: an .obj, .gltf or .glb file",
-            ));
+        if let Some(error) = errors.pop() {
+            return Err(error);
         }
-        let object = Object {
-            file: file.to_owned(),
+        let object = |file: &PathBuf| Object {
+            file: file.clone(),
             source_line: file.display().to_string(),
             world_from_file: vec![DMat4::IDENTITY],
             overrides: SurfaceOverrides::default(),
             parts: Vec::new(),
             vt_is_lightmap: false,
         };
-        Ok(Scene { name: "model".to_owned(), find_portals: true, objects: vec![object], ..Scene::default() })
+        let objects = files.iter().map(object).collect();
+        Ok(Scene { name: "model".to_owned(), find_portals: true, objects, ..Scene::default() })
     }
 }
 

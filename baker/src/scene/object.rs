@@ -83,6 +83,18 @@ pub(super) fn conversion(file: &Path) -> String {
     }
 }
 
+/// Why a path is not that of a model.
+pub(super) fn why_no_model(file: &Path) -> Option<Error> {
+    let models = "expected a model: an .obj, .gltf or .glb file";
+    let what = match () {
+        () if file.is_dir() => format!("is a folder; {models}"),
+        () if !file.exists() => format!("no such file; {models}"),
+        () if !is_model(file) => format!("{models}{}", conversion(file)),
+        () => return None,
+    };
+    Some(Error::invalid(file.display(), what))
+}
+
 fn extension(file: &Path) -> String {
     file.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase()
 }
@@ -141,7 +153,7 @@ fn object(table: &Table, folder: &Path, groups: &[Group], warnings: &mut Vec<Str
     Ok(Object { file, source_line: value.source_line(), world_from_file, overrides, parts, vt_is_lightmap })
 }
 
-/// `scale`, then `rotate` about X, Y and Z in this order, then `translate`.
+/// The transform that a table gives.
 fn transform(table: &Table) -> Result<DMat4> {
     let expected = "a vector [x, y, z] of finite numbers";
     let vector = |key| table.get(key).map_or(Ok(DVec3::ZERO), |v: Value| v.vector(expected, |_| true));
@@ -149,10 +161,15 @@ fn transform(table: &Table) -> Result<DMat4> {
     let expected = "a number or [x, y, z], none nearer to 0 than 1e-9 (negative mirrors)";
     let scale =
         table.get("scale").map_or(Ok(DVec3::ONE), |v| v.vector_or_number(expected, |x| x.abs() > 1e-9))?;
+    Ok(transform_of(scale, rotate, translate))
+}
+
+/// `scale`, then `rotate` (degrees) about X, Y and Z in this order, then `translate`.
+pub fn transform_of(scale: DVec3, rotate: DVec3, translate: DVec3) -> DMat4 {
     let rotation = turn(2, rotate.z) * turn(1, rotate.y) * turn(0, rotate.x);
     let mut matrix = DMat4::from_mat3(rotation * DMat3::from_diagonal(scale));
     matrix.w_axis = translate.extend(1.0);
-    Ok(matrix)
+    matrix
 }
 
 /// Rotation about an axis (0, 1, 2) by degrees; quarter turns are exact.

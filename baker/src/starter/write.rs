@@ -1,13 +1,14 @@
 //! The text of a scene file to begin with.
 
-use super::Found;
+use super::find::{Found, Model};
+use super::up::Up;
 use crate::scene::{Camera, Portal};
 use glam::DVec3;
 use std::fmt::Write;
 
-/// The scene file for what was found; `name` where the file's own name cannot be the scene's, `model` as the
-/// scene file names it.
-pub fn scene_file(found: &Found, name: Option<&str>, model: &str) -> String {
+/// The scene file for what was found; `name` where the file's own name cannot be the scene's, `files` are the
+/// models as the scene file names them.
+pub fn scene_file(found: &Found, name: Option<&str>, files: &[String]) -> String {
     let mut text = String::new();
     let mut line = |what: &str| {
         text.push_str(what);
@@ -31,7 +32,12 @@ pub fn scene_file(found: &Found, name: Option<&str>, model: &str) -> String {
     line("");
     line("[sun]");
     if let Some(sun) = found.sun {
-        line("# The model has a sun of its own. For that one at all hours, take away the # of this line:");
+        line(
+            "# The model has a sun of its own. For that one at all hours, take away the # of the line below. (Its irradiance is in kilolux, if",
+        );
+        line(
+            "# the model is in lux. From Blender's lighting modes Unitless and Raw it has to be multiplied by 683.)",
+        );
         let (direction, irradiance) = (vector(sun.direction), vector(sun.irradiance));
         line(&format!("# track = [{{ hour = 0, direction = {direction}, irradiance = {irradiance} }}]"));
     }
@@ -42,23 +48,16 @@ pub fn scene_file(found: &Found, name: Option<&str>, model: &str) -> String {
     line(
         "ground_albedo = 0.2 # of the land around, which is seen where the model ends; `ground = false` makes it black there",
     );
-    line("");
-    let [x, y, z] = (found.extent * found.unit.metres).to_array();
-    line("[[object]]");
-    line(&format!("file = {}", quoted(model)));
-    let size = format!("{} × {} × {} m", short(x), short(y), short(z));
-    if found.unit.metres == 1.0 {
-        line(&format!(
-            "# scale = 0.01      # the model is taken as {size}; if it is in centimetres, it needs this scale"
-        ));
-    } else {
-        let unit = found.unit;
-        line(&format!(
-            "scale = {:<11} # taken as {}, so the model is {size}; without this line it is in metres",
-            unit.metres, unit.name
-        ));
+    for (model, file) in found.models.iter().zip(files) {
+        object(found, model, file, &mut line);
     }
-    parts(found, &mut line);
+    if found.models.iter().any(|model| !model.glowing.is_empty()) {
+        line("");
+        line("# [[group]]");
+        line("# name = \"lamps\"");
+        line("# on = [[\"18:00\", \"23:30\"]]");
+    }
+    units_of_lights(found, &mut line);
     groups(&found.groups, &mut line);
     portals(&found.portals, &mut line);
     cameras(&found.cameras, found.cameras_are_ours, &mut line);
@@ -75,25 +74,82 @@ pub fn scene_file(found: &Found, name: Option<&str>, model: &str) -> String {
     text
 }
 
+/// A model.
+fn object(found: &Found, model: &Model, file: &str, line: &mut impl FnMut(&str)) {
+    let [x, y, z] = model.extent.to_array();
+    line("");
+    line("[[object]]");
+    line(&format!("file = {}", quoted(file)));
+    let size = format!("{} × {} × {} m", short(x), short(y), short(z));
+    if found.unit.metres == 1.0 {
+        line(&format!(
+            "# scale = 0.01      # the model is taken as {size}; if it is in centimetres, it needs this scale"
+        ));
+    } else {
+        let unit = found.unit;
+        line(&format!(
+            "scale = {:<11} # taken as {}, so the model is {size}; without this line it is in metres",
+            unit.metres, unit.name
+        ));
+    }
+    match model.up {
+        None => {}
+        Some(Up::Z) => line(
+            "rotate = [-90, 0, 0] # its z axis seems to point up: turned, so that y does; without this line y is up as it is",
+        ),
+        Some(Up::Y | Up::PerhapsZ) => {
+            line("# rotate = [-90, 0, 0] # for an OBJ whose z axis points up: if the model lies on its side")
+        }
+    }
+    switched_off(model, line);
+    glowing(model, line);
+}
+
+/// What emits and is no lamp.
+fn switched_off(model: &Model, line: &mut impl FnMut(&str)) {
+    for (i, off) in model.switched_off.iter().enumerate() {
+        line("");
+        if i == 0 {
+            line(
+                "# These materials emit light in the model, and hardly as lamps. They are switched off here; for one that is to shine,",
+            );
+            line("# delete its three lines and add a [[group]] with its name, which says when it is `on`.");
+        }
+        line("[[object.part]]");
+        line(&format!("name = {}", quoted(&off.name)));
+        line(&format!("emission = [0, 0, 0] # {}", off.why));
+    }
+}
+
 /// Parts whose names tell of light.
-fn parts(found: &Found, line: &mut impl FnMut(&str)) {
-    if found.glowing.is_empty() {
+fn glowing(model: &Model, line: &mut impl FnMut(&str)) {
+    if model.glowing.is_empty() {
         return;
     }
     line("");
     line(
         "# These parts are named like lamps, and the model says nothing of their light. To let one shine, take away the # of its lines and",
     );
-    line("# of the group's. `emission` is in kcd/m²: 2 is a bright lampshade, 20 a frosted bulb.");
-    for name in &found.glowing {
+    line("# of the group's below. `emission` is in kcd/m²: 2 is a bright lampshade, 20 a frosted bulb.");
+    for name in &model.glowing {
         line("# [[object.part]]");
         line(&format!("# name = {}", quoted(name)));
         line("# emission = [2, 1.6, 1.1]");
         line("# group = \"lamps\"");
     }
-    line("# [[group]]");
-    line("# name = \"lamps\"");
-    line("# on = [[\"18:00\", \"23:30\"]]");
+}
+
+/// In what units files may give the strength of lamps.
+fn units_of_lights(found: &Found, line: &mut impl FnMut(&str)) {
+    if !found.has_lamps {
+        return;
+    }
+    line("");
+    line(
+        "# Blender's export has lighting modes. For a model exported with Unitless or Raw, take away the # of both lines.",
+    );
+    line("# [lights]");
+    line("# unit = \"unitless\" # or \"raw\"; \"standard\", Blender's default too, without these lines");
 }
 
 /// The emitters in the model.

@@ -1,5 +1,9 @@
 //! The binary `bake` as a user meets it: killed and continued, its flags, bad input, one JSON object.
 
+// (Not all helpers are used by every target.)
+#[allow(dead_code)]
+#[path = "../common/mod.rs"]
+mod common;
 mod lost;
 mod new;
 mod existing;

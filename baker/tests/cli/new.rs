@@ -1,6 +1,6 @@
 //! `bake new`: a scene file for a model, which bakes as it is.
 
-use super::{bake, fixture, text};
+use super::{bake, common, fixture, text};
 use std::path::Path;
 
 /// The court's OBJ with every length multiplied.
@@ -64,18 +64,156 @@ fn a_scene_file_that_is_there_is_replaced_only_by_force() {
     assert!(std::fs::read_to_string(&out).unwrap().contains("\"../court.obj\""));
 }
 
+/// The message of a refusal.
+fn refused(arguments: &[&str]) -> String {
+    let output = bake(&[&["new"], arguments].concat());
+    assert!(!output.status.success(), "{arguments:?}");
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
 #[test]
 fn what_is_no_model_is_refused() {
     let dir = tempfile::tempdir().unwrap();
-    for (name, expected) in [("scene.toml", "expected a model"), ("absent.glb", "no such file")] {
+    let file = |name: &str, text: &str| {
         let path = dir.path().join(name);
-        if name == "scene.toml" {
-            std::fs::write(&path, "").unwrap();
-        }
-        let refused = bake(&["new", text(&path)]);
-        let said = String::from_utf8_lossy(&refused.stderr);
-        assert!(!refused.status.success() && said.contains(expected), "{said}");
+        std::fs::write(&path, text).unwrap();
+        path
+    };
+    std::fs::create_dir(dir.path().join("models")).unwrap();
+    for (path, expected) in [
+        (file("scene.toml", ""), "expected a model"),
+        (dir.path().join("absent.glb"), "no such file"),
+        (dir.path().join("models"), "is a folder; expected models"),
+        (file("empty.obj", ""), "empty.obj: expected at least one triangle: the file has no faces"),
+        (
+            file("notes.obj", "Dear all,\nthe house comes on Monday.\n"),
+            "notes.obj: expected at least one triangle",
+        ),
+        (
+            file("points.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n"),
+            "the file has no faces (points, lines and curves are not baked)",
+        ),
+        (file("point.obj", "v 1 1 1\nv 1 1 1\nv 1 1 1\nf 1 2 3\n"), "are at one point: expected surfaces"),
+        (file("notes.glb", "Dear all"), "notes.glb:"),
+        (file("notes.gltf", "Dear all"), "notes.gltf:"),
+    ] {
+        let said = refused(&[text(&path)]);
+        assert!(said.contains(expected), "{said}");
     }
+    // All at once.
+    let said = refused(&[text(&dir.path().join("absent.glb")), text(&dir.path().join("models"))]);
+    assert!(
+        said.contains("2 errors") && said.contains("no such file") && said.contains("is a folder"),
+        "{said}"
+    );
+}
+
+#[test]
+fn several_models_are_one_scene() {
+    let dir = tempfile::tempdir().unwrap();
+    let (a, b) = (dir.path().join("court.obj"), dir.path().join("sub/other.obj"));
+    std::fs::create_dir(dir.path().join("sub")).unwrap();
+    scaled(&a, 1000.0);
+    std::fs::write(&b, "v 0 0 0\nv 900 0 0\nv 0 0 -900\nf 1 2 3\n").unwrap();
+    let found = json(&bake(&["new", text(&a), text(&b), "--json"]));
+    let scene = dir.path().join("court.toml");
+    assert_eq!((&found["scene"], &found["unit"]), (&text(&scene).into(), &"millimetres".into()));
+    let extents: Vec<f64> =
+        found["models"].as_array().unwrap().iter().map(|m| m["extent"][0].as_f64().unwrap()).collect();
+    assert!((extents[1] - 0.9).abs() < 1e-6 && extents[0] > 2.0, "{extents:?}");
+    let written: toml::Value = toml::from_str(&std::fs::read_to_string(&scene).unwrap()).unwrap();
+    let objects = written["object"].as_array().unwrap();
+    let of = |key: &str| objects.iter().map(|object| object[key].clone()).collect::<Vec<_>>();
+    assert_eq!(of("file"), ["court.obj".into(), "sub/other.obj".into()]);
+    assert_eq!(of("scale"), [0.001.into(), 0.001.into()]);
+    assert!(bake(&[text(&scene), "--hours", "12", "--plan", "--quiet"]).status.success());
+
+    let said = refused(&[text(&a), text(&b), text(&dir.path().join("sub/../court.obj"))]);
+    assert!(said.contains("sub/../court.obj: is given twice"), "{said}");
+    // A house in metres and one in millimetres.
+    scaled(&b, 1.0);
+    let said = refused(&[text(&a), text(&b), "--force"]);
+    assert!(
+        said.contains("the models seem to be in different units: ") && said.contains("other.obj ("),
+        "{said}"
+    );
+    assert!(said.contains("--unit metres|centimetres|millimetres"), "{said}");
+    let found = json(&bake(&["new", text(&a), text(&b), "--unit", "millimetres", "--force", "--json"]));
+    assert_eq!(found["unit"], "millimetres");
+    assert!(refused(&[text(&a), "--unit", "furlongs"]).contains("expected metres, centimetres, millimetres"));
+}
+
+#[test]
+fn a_model_whose_z_axis_points_up_is_turned() {
+    let dir = tempfile::tempdir().unwrap();
+    let model = dir.path().join("court.obj");
+    scaled(&model, 1.0);
+    let upright = json(&bake(&["new", text(&model), "--json"]));
+    // (x, y, z) becomes (x, −z, y).
+    let obj = std::fs::read_to_string(&model).unwrap();
+    let turned = obj.lines().map(|line| match line.split_whitespace().collect::<Vec<_>>()[..] {
+        ["v", x, y, z] => format!("v {x} {} {y}", -z.parse::<f64>().unwrap()),
+        _ => line.to_owned(),
+    });
+    std::fs::write(&model, turned.collect::<Vec<_>>().join("\n")).unwrap();
+    let output = bake(&["new", text(&model), "--json", "--force"]);
+    let found = json(&output);
+    assert_eq!((&upright["models"][0]["up"], &found["models"][0]["up"]), (&"y".into(), &"z".into()));
+    let (a, b) = (upright["extent"].as_array().unwrap(), found["extent"].as_array().unwrap());
+    assert!(
+        a.iter().zip(b).all(|(a, b)| (a.as_f64().unwrap() - b.as_f64().unwrap()).abs() < 1e-4),
+        "{a:?} {b:?}"
+    );
+    assert!(
+        found["warnings"].to_string().contains("court.obj: its z axis points up, by its floors"),
+        "{found}"
+    );
+    let written: toml::Value =
+        toml::from_str(&std::fs::read_to_string(dir.path().join("court.toml")).unwrap()).unwrap();
+    assert_eq!(written["object"][0]["rotate"], vec![-90, 0, 0].into());
+}
+
+#[test]
+fn emission_of_leaves_and_faint_emission_are_switched_off() {
+    let dir = tempfile::tempdir().unwrap();
+    // Squares of one metre: a cut-out, one that is faint, one that is small, and two lamps.
+    let mut obj = "mtllib a.mtl\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n".to_owned();
+    let names = ["leaf", "faint", "dot", "panel", "dot_lamp"];
+    for (i, name) in names.into_iter().enumerate() {
+        let (x, side) = (2.0 * i as f64, if name.starts_with("dot") { 0.03 } else { 1.0 });
+        obj += &format!(
+            "o mesh{i}\nusemtl {name}\nv {x} 0 0\nv {0} 0 0\nv {0} {side} 0\nv {x} {side} 0\n",
+            x + side
+        );
+        obj += "f -4/1 -3/2 -2/3 -1/4\n";
+    }
+    let emission = [1.0, 0.01, 1.0, 1.0, 1.0];
+    let mut mtl: String = names
+        .iter()
+        .zip(emission)
+        .map(|(name, e)| format!("newmtl {name}\nKd 0.5 0.5 0.5\nKe {e} {e} {e}\n"))
+        .collect();
+    mtl = mtl.replace("Ke 1 1 1\nnewmtl faint", "Ke 1 1 1\nmap_Kd leaf.png\nmap_d leaf.png\nnewmtl faint");
+    std::fs::write(dir.path().join("a.mtl"), mtl).unwrap();
+    std::fs::write(dir.path().join("leaf.png"), common::mesh::png(&[[0, 255, 0, 255], [0, 255, 0, 0]]))
+        .unwrap();
+    let model = dir.path().join("a.obj");
+    std::fs::write(&model, obj).unwrap();
+    let found = json(&bake(&["new", text(&model), "--json"]));
+    assert_eq!(found["models"][0]["switched_off"], serde_json::json!(["dot", "faint", "leaf"]));
+    assert_eq!(found["groups"], serde_json::json!(["panel", "dot_lamp"]));
+    let scene = dir.path().join("a.toml");
+    let written = std::fs::read_to_string(&scene).unwrap();
+    for line in [
+        "name = \"leaf\"\nemission = [0, 0, 0] # cut out by its alpha, as leaves are",
+        "name = \"faint\"\nemission = [0, 0, 0] # nowhere brighter than 0.02 kcd/m²",
+        "name = \"dot\"\nemission = [0, 0, 0] # less than 5 lm in all",
+    ] {
+        assert!(written.contains(line), "{written}");
+    }
+    let plan = bake(&[text(&scene), "--hours", "0", "--plan", "--json"]);
+    let warnings = json(&plan)["warnings"].to_string();
+    assert!(!warnings.contains("lit all day"), "{warnings}");
 }
 
 #[test]
