@@ -196,6 +196,7 @@ fn parse_error(text: &str) -> std::result::Result<f64, String> {
 }
 
 fn main() -> ExitCode {
+    console::refuse_arguments_not_utf8::<Cli>();
     typed::refuse_misspelt::<Cli>("a scene file");
     let cli = Cli::parse();
     console::catch_interrupts();

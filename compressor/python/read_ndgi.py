@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
-"""A second reader of NDGI bundles, written from ../FORMAT.md alone; numpy only (BLAKE3 stands in blake3_numpy.py).
+"""A second reader of NDGI bundles, written from ../FORMAT.md alone; numpy only (BLAKE3 stands in ../../dataset/python/blake3_numpy.py).
 
     read_ndgi.py scene.ndgi --hour 18.05 --out page.npy                # a page: height x width x 3, float32
     read_ndgi.py scene.ndgi --hour 12 --page 1 --tile 0,2 --out x.npy  # what tile (column, row) stores, with its border
 """
-import argparse, struct, sys, numpy as np
+import argparse, pathlib, struct, sys, numpy as np
+sys.path.append(str(pathlib.Path(__file__).parent / '../../dataset/python'))  # (or beside this file)
 from blake3_numpy import checksum
 from read_sun import Sun
 

@@ -16,6 +16,7 @@ mod tiles;
 mod outcome;
 mod existing;
 mod job;
+mod repair;
 
 pub(crate) use job::timeline;
 pub use note::{Note, Shard, Stage};
@@ -27,7 +28,7 @@ pub(crate) use tiles::{of_tile, seed};
 
 use crate::bundle::{self, Header};
 use crate::{Error, Result, of_bundle};
-use dataset::files::{create_folders, expect_writable, sync_folder_of, write_atomically};
+use dataset::files::{create_folders, expect_nameable, expect_writable, sync_folder_of, write_atomically};
 use dataset::observe::{Observer, count};
 use dataset::store::Dataset;
 use existing::is_alike;
@@ -72,6 +73,7 @@ pub fn compress(root: &Path, options: &Options, console: &dyn Observer) -> Resul
     let dataset = Dataset::open(root)?;
     let job = Job::new(&dataset, options, console)?;
     expect_writable(&job.out)?;
+    expect_nameable(&beside(&job.out, outcome::SUFFIX))?;
     if !options.merge {
         job.check(console)?;
     }
@@ -84,14 +86,19 @@ pub fn compress(root: &Path, options: &Options, console: &dyn Observer) -> Resul
     part.claim(&job.hours_key());
     let between = if options.merge { job.hours_of_shards(&part)? } else { job.hours()? };
     let header = job.header_with_sun(between, console)?;
-    if let Some(outcome) = job.existing(&header, console).transpose() {
-        // (Also what a run left that was killed at its end.)
-        if outcome.is_ok() {
+    if let Some((outcome, damaged)) = job.existing(&header, console)? {
+        // (A merge trains nothing.)
+        let is_repaired = || -> Result<bool> {
+            Ok(!options.merge && repair::repair(&job, &header, &part, &damaged, console)?)
+        };
+        if damaged.is_empty() || is_repaired()? {
+            // (Also what a run left that was killed at its end.)
             job.tiles(&header, &part).claim();
             part.remove(&job.recipe);
             sync_folder_of(&job.out);
+            return Ok(Outcome { up_to_date: damaged.is_empty(), ..outcome });
         }
-        return outcome;
+        console.say(format!("replacing {}: it is damaged", job.out.display()));
     }
     let suns = match job.sunlight.as_ref().zip(header.sun.as_ref()) {
         Some((sunlight, sun)) => sunlight.sections(sun, &job.masks, console)?,
@@ -154,7 +161,8 @@ pub fn train_shard(root: &Path, options: &Options, shard: Shard, console: &dyn O
     if options.time_limit.is_some() {
         return Err(Error::unsupported("time_limit", "a time limit is not supported with shards; omit it"));
     }
-    let dataset = Dataset::open(root)?;
+    // (Each reads only its rows of large files; the merge compares what it read.)
+    let dataset = Dataset::open(root)?.with_unverified_rows();
     let job = Job::new(&dataset, options, console)?;
     // The full header is slow to compute: only if a bundle of the same inputs exists. (The work folder may be
     // gone, or be removed by a merge that waits for it.)
@@ -164,7 +172,9 @@ pub fn train_shard(root: &Path, options: &Options, shard: Shard, console: &dyn O
             true => job.header_with_sun(job.hours()?, console)?,
             false => header,
         };
-        if let Some(existing) = job.existing(&header, console)? {
+        if let Some((existing, damaged)) = job.existing(&header, console)?
+            && damaged.is_empty()
+        {
             return Ok(Sharded::UpToDate(existing.bundle));
         }
     }

@@ -257,7 +257,6 @@ impl Found {
             sum += of_strip.0;
             texels += of_strip.1;
         }
-        dataset.check_content(&frames[frame].maps[page])?;
         let page_mean = mean_of(sum, texels);
         for rows in &of.strips[page] {
             stop_if_interrupted()?;

@@ -92,8 +92,7 @@ impl Law {
         let mut curves = Vec::new();
         for (i, layer) in config.layers.iter().enumerate() {
             if let Some(file) = layer.curve.as_ref().filter(|_| !(is_apart && layer.is_direct_sun())) {
-                dataset.check_content(file)?;
-                curves.push((i, Curve::read(&dataset.path(file))?));
+                curves.push((i, Curve::read(&dataset.verified(file)?)?));
             }
         }
         Ok(Law { is_apart, curves })

@@ -91,8 +91,8 @@ pub fn levels(root: &Path, of: &Options, bundle: &Path, console: &dyn Observer) 
     for level in 1..=count(&pages) {
         let folder = work.join(level.to_string());
         let half = match open(&folder, &source.config) {
-            Ok(kept) => kept,
-            Err(_) => {
+            Ok(kept) if kept.files().all(|file| kept.verified(file).is_ok()) => kept,
+            _ => {
                 remove_folder(&folder)?;
                 halve(&source, &folder, console)?;
                 open(&folder, &source.config)?
@@ -189,10 +189,11 @@ pub fn section(levels: &[Level]) -> Section {
 mod tests {
     use super::*;
     use dataset::config::FileRef;
+    use dataset::digest::Digest;
     use std::time::Duration;
 
     fn pages(sizes: &[[u32; 2]]) -> Vec<Page> {
-        let mask = FileRef { path: "mask.png".into(), bytes: 1, blake3: String::new() };
+        let mask = FileRef { path: "mask.png".into(), bytes: 1, blake3: Digest::of(&[]) };
         sizes.iter().map(|[width, height]| Page::atlas(*width, *height, mask.clone())).collect()
     }
 

@@ -7,7 +7,6 @@
 
 pub use ndgi::{bc7, bundle, decode, grid, lanes, model, sun, time};
 
-mod error;
 mod printable;
 mod clock;
 mod mean;
@@ -24,6 +23,6 @@ pub mod sweep;
 pub mod compare;
 pub mod view;
 
+pub use dataset::error::of_bundle;
 pub use dataset::{Error, Result};
-pub use error::of_bundle;
 pub use printable::printable;

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Reads temporal lightmap datasets, versions 1 and 2 of the format.  pip install numpy OpenEXR
+"""Reads temporal lightmap datasets, versions 1 and 2 of the format.  pip install numpy OpenEXR blake3 (without blake3: slower)
 
     read_dataset.py yard --hour 12 --out noon.npy                 # a lightmap: height x width x 3, float32
     read_dataset.py yard --hour 12 --layer sun --page 0 --out x.npy
@@ -9,6 +9,7 @@ are kept apart, s.layer('sun', 12, part='direct'), or 'indirect'; where the sun'
 light at any time, and what it is made of: s.visibility(12.37), s.normals(), s.sun(12.37). s.light_at(12.37) is the whole light at any hour.
 """
 import argparse, json, lzma, pathlib, struct, sys, zlib, numpy as np, OpenEXR
+from blake3_numpy import digest
 
 class Dataset:
     def __init__(self, folder):
@@ -21,11 +22,15 @@ class Dataset:
         if self.config.get('format') != 'temporal-lightmaps' or self.config['version'] not in (1, 2):
             raise ValueError('not a temporal lightmap dataset of version 1 or 2')
         self.frames = self.config['frames' if self.config['version'] == 2 else 'sets']
-        self.hours = [frame['hour'] for frame in self.frames]
+        self.hours, self.verified = [frame['hour'] for frame in self.frames], set()
     def data(self, file):
-        data = (self.root / file['path']).read_bytes()
+        """The bytes of a file; each is compared with its checksum once."""
+        data, wanted = (self.root / file['path']).read_bytes(), (file['path'], file['bytes'], file['blake3'])
         if len(data) != file['bytes']:
             raise ValueError(f"{file['path']}: {len(data)} bytes; expected {file['bytes']}")
+        if wanted not in self.verified and digest(data).hex() != file['blake3']:
+            raise ValueError(f"{file['path']}: another checksum than config.json says: the content changed")
+        self.verified.add(wanted)
         return data
     def files(self, name, frame, page, part):
         """The files whose sum is a light in a frame (None: of a group, when it is on), those that are black left out."""

@@ -1,5 +1,6 @@
 //! `config.json`: the manifest of a dataset.
 
+use crate::digest::Digest;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
@@ -298,15 +299,15 @@ pub struct Frame {
 }
 
 /// A file of the dataset. Identical content is stored once, so several entries may name one file.
-#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FileRef {
     /// Path relative to the folder of `config.json`, with `/`.
     pub path: String,
     /// Length in bytes.
     pub bytes: u64,
-    /// BLAKE3 of the content, lower-case hex.
-    pub blake3: String,
+    /// BLAKE3 of the content.
+    pub blake3: Digest,
 }
 
 /// Sampling error per tile: the content of the file [`Config::noise`] names (JSON).

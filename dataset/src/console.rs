@@ -194,6 +194,17 @@ impl Drop for Progress {
     }
 }
 
+/// Ends the process with code 2 if an argument is not UTF-8. Such a name could be opened, but not be stated
+/// in JSON and reports, which are written when the work is done. For binaries, before arguments are parsed.
+pub fn refuse_arguments_not_utf8<Cli: clap::CommandFactory>() {
+    let text = |argument: std::ffi::OsString| argument.into_string().err();
+    if let Some((number, argument)) = (0..).zip(std::env::args_os()).find_map(|(i, a)| Some((i, text(a)?))) {
+        let what =
+            format!("argument {number}, {argument:?}, is not UTF-8; expected a name in UTF-8: rename it");
+        Cli::command().error(clap::error::ErrorKind::InvalidUtf8, what).exit();
+    }
+}
+
 /// Makes Ctrl-C, a termination request and a closing terminal end the process within a fifth of a second,
 /// with exit code 130, 143 or 129. For binaries, once, at the start of `main`.
 pub fn catch_interrupts() {

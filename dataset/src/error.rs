@@ -98,6 +98,15 @@ impl Error {
     }
 }
 
+/// Converts an error of the decoding crate: `Bundle::open(path).map_err(of_bundle)`.
+pub fn of_bundle(error: ndgi::Error) -> Error {
+    match error {
+        ndgi::Error::Invalid { place, what } => Error::Invalid { place, what },
+        ndgi::Error::Unsupported { place, what } => Error::Unsupported { place, what },
+        ndgi::Error::Io { path, source } => Error::Io { path, source },
+    }
+}
+
 /// Exit code `EX_TEMPFAIL` of sysexits.h: schedulers can be set to rerun such jobs.
 pub const TRY_AGAIN: u8 = 75;
 

@@ -10,6 +10,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 /// What stands between a file's name and its writer in the name of a temporary.
 const MARK: &str = ".tmp-";
+/// Most bytes of a file's name in that of its temporary, which then fits into the 255 bytes of most file
+/// systems.
+const MOST_OF_NAME: usize = 190;
 
 /// Writes `bytes` to `path` so that a reader sees the old content or the new, never a part.
 /// On an error the old content stays and the temporary is removed.
@@ -98,12 +101,31 @@ fn expect_folder(path: &Path) -> Result<()> {
 /// `Invalid`, with the folder; `Io`.
 pub fn expect_writable(path: &Path) -> Result<()> {
     expect_folder(path)?;
+    expect_nameable(path)?;
     if path.is_dir() {
         return Err(Error::invalid(path.display(), "is a folder; expected the name of a file to write"));
     }
     let temporary = temporary_beside(path)?;
     File::create(&temporary).and_then(|_| fs::remove_file(&temporary)).map_err(Error::io(path))?;
     remove_stale_temporaries(folder_of(path).unwrap_or(Path::new(".")))
+}
+
+/// An error unless a file can have this path: in UTF-8, and no longer than the file system allows.
+///
+/// # Errors
+/// `Invalid`.
+pub fn expect_nameable(path: &Path) -> Result<()> {
+    if path.to_str().is_none() {
+        return Err(Error::invalid(path.display(), "is not UTF-8; expected a name in UTF-8"));
+    }
+    match fs::symlink_metadata(path) {
+        Err(error) if error.kind() == io::ErrorKind::InvalidFilename => {
+            let bytes = path.file_name().map_or(0, |name| name.len());
+            let what = format!("a name of {bytes} bytes is too long here; expected a shorter one");
+            Err(Error::invalid(path.display(), what))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// An error unless the path ends as it should (no output may replace a bundle or a manifest by mistake), in a
@@ -157,8 +179,9 @@ impl NewFolder {
             ));
         }
         expect_folder(path)?;
+        expect_nameable(path)?;
         let temporary = temporary_beside(path)?;
-        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        let name = start_of_name(path)?;
         let beside = folder_of(path).unwrap_or(Path::new("."));
         for entry in fs::read_dir(beside).map_err(Error::io(beside))?.flatten() {
             let found = entry.file_name();
@@ -234,15 +257,22 @@ pub fn temporaries(folder: &Path) -> Result<Vec<PathBuf>> {
 }
 
 /// A name for a temporary in the folder of `path` that no other writer uses, on this machine or another:
-/// `.<name>.tmp-<machine>-<process>-<random>-<number>`.
+/// `.<name>.tmp-<machine>-<process>-<random>-<number>`, with the start of a long name.
 pub fn temporary_beside(path: &Path) -> Result<PathBuf> {
     static COUNT: AtomicU64 = AtomicU64::new(0);
-    let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
-        return Err(Error::invalid(path.display(), "not the name of a file"));
-    };
+    let name = start_of_name(path)?;
     let (this, count) = (Process::this(), COUNT.fetch_add(1, Ordering::Relaxed));
     let writer = format!("{}-{}-{:08x}-{count}", this.machine, this.pid, process::random());
     Ok(path.with_file_name(format!(".{name}{MARK}{writer}")))
+}
+
+/// The start of a file's name, as it stands in those of its temporaries.
+fn start_of_name(path: &Path) -> Result<&str> {
+    let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
+        return Err(Error::invalid(path.display(), "not the name of a file in UTF-8"));
+    };
+    let end = (0..=name.len().min(MOST_OF_NAME)).rev().find(|&end| name.is_char_boundary(end));
+    Ok(&name[..end.unwrap_or_default()])
 }
 
 /// Who made a temporary.
@@ -419,6 +449,43 @@ mod tests {
             NewFolder::create(&around.path().join("a/b")).unwrap_err().to_string().contains("does not exist")
         );
         assert_eq!(names(), ["set"]);
+    }
+
+    #[test]
+    fn names_of_255_bytes_are_written_and_longer_ones_refused_at_once() {
+        let around = tempfile::tempdir().unwrap();
+        // (The cut would fall into a character.)
+        for name in ["a".repeat(255), format!("a{}", "é".repeat(127)), "b".repeat(240)] {
+            let path = around.path().join(&name);
+            expect_writable(&path).unwrap();
+            write_atomically(&path, b"x").unwrap();
+            let link = around.path().join(name.replace(['a', 'b'], "c"));
+            link_or_copy(&path, &link).unwrap();
+            assert_eq!(fs::read(&link).unwrap(), b"x");
+            let folder = around.path().join(name.replace(['a', 'b'], "d"));
+            NewFolder::create(&folder).unwrap().finish().unwrap();
+            assert!(folder.is_dir());
+            assert!(
+                temporary_beside(&path)
+                    .is_ok_and(|path| { writer_of(path.file_name().unwrap().to_str().unwrap()).is_some() })
+            );
+        }
+        let long = around.path().join("a".repeat(256));
+        for error in [expect_writable(&long).unwrap_err(), NewFolder::create(&long).unwrap_err()] {
+            assert!(error.to_string().contains("a name of 256 bytes is too long here"), "{error}");
+        }
+        #[cfg(unix)]
+        {
+            use std::os::unix::ffi::OsStrExt;
+            let latin = std::ffi::OsStr::from_bytes(b"caf\xe9");
+            for path in [around.path().join(latin), around.path().join(latin).join("a.csv")] {
+                let _ = fs::create_dir(around.path().join(latin));
+                let error = expect_nameable(&path).unwrap_err().to_string();
+                assert!(error.contains("is not UTF-8"), "{error}");
+                expect_writable(&path).unwrap_err();
+            }
+            assert!(NewFolder::create(&around.path().join(latin).join("set")).is_err());
+        }
     }
 
     #[test]

@@ -10,6 +10,7 @@ pub mod observe;
 pub mod console;
 pub mod process;
 pub mod typed;
+pub mod digest;
 pub mod image;
 pub mod files;
 pub mod lock;

@@ -10,6 +10,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
 use std::sync::{Mutex, PoisonError, mpsc};
+use std::thread;
 use std::time::Duration;
 
 /// How long the process may take to end by itself.
@@ -58,10 +59,14 @@ pub(crate) fn catch(say: fn(&Error)) {
         if INTERRUPTED.swap(true, Ordering::SeqCst) {
             end(say);
         }
-        std::thread::spawn(move || {
-            std::thread::sleep(GRACE);
+        let later = move || {
+            thread::sleep(GRACE);
             end(say)
-        });
+        };
+        // (Where the system has no thread left, this one waits.)
+        if thread::Builder::new().spawn(later).is_err() {
+            later();
+        }
     });
 }
 
@@ -70,11 +75,13 @@ fn end(say: fn(&Error)) {
     if is_first_to_say() {
         // A terminal that takes no more lines must not keep the process.
         let (said, wait) = mpsc::channel();
-        std::thread::spawn(move || {
+        let line = move || {
             say(&Error::Interrupted);
             let _ = said.send(());
-        });
-        let _ = wait.recv_timeout(LAST_LINE);
+        };
+        if thread::Builder::new().spawn(line).is_ok() {
+            let _ = wait.recv_timeout(LAST_LINE);
+        }
     }
     for path in LEFTOVERS.lock().unwrap_or_else(PoisonError::into_inner).iter() {
         let _ = fs::remove_file(path).or_else(|_| fs::remove_dir_all(path));

@@ -2,6 +2,7 @@
 
 use crate::config::version1::Config1;
 use crate::config::{Config, FileRef, Light, Noise, VERSION};
+use crate::digest::Digest;
 use crate::files::{is_component, read_json};
 use crate::image::{self, Image, Mask};
 use crate::observe::count;
@@ -15,11 +16,13 @@ mod check;
 mod light_at;
 mod stage;
 mod sunlight;
+mod verified;
 mod verify;
 
 pub(crate) use check::references;
 pub(crate) use stage::Staged;
 pub use sunlight::Sunlight;
+use verify::ROWS;
 pub use verify::Verification;
 pub(crate) use verify::{about_equal, geometry};
 
@@ -40,7 +43,7 @@ const HASH_DIGITS: usize = 12;
 pub struct Writer {
     root: PathBuf,
     /// What this writer added, by content hash.
-    added: BTreeMap<String, FileRef>,
+    added: BTreeMap<Digest, FileRef>,
     /// Plain names in the folder for added files.
     aliases: Vec<(String, String)>,
 }
@@ -65,11 +68,11 @@ impl Writer {
     /// What is found does not depend on what else the folder holds, so the manifest does not either.
     /// Characters of `stem` other than letters, digits, `.` and `_` become `-`.
     pub fn add(&mut self, stem: &str, extension: &str, bytes: &[u8]) -> Result<FileRef> {
-        let blake3 = blake3::hash(bytes).to_hex().to_string();
+        let blake3 = Digest::of(bytes);
         if let Some(known) = self.added.get(&blake3) {
             return Ok(known.clone());
         }
-        let path = format!("{DATA}/{}-{}.{extension}", plain_stem(stem), &blake3[..HASH_DIGITS]);
+        let path = format!("{DATA}/{}-{}.{extension}", plain_stem(stem), blake3.first(HASH_DIGITS));
         let on_disk = self.root.join(&path);
         if bytes.is_empty() || content_hash(&path).is_none() {
             return Err(stage::no_content(&on_disk));
@@ -78,7 +81,7 @@ impl Writer {
         if !has_content(&on_disk, bytes) {
             files::write_atomically(&on_disk, bytes)?;
         }
-        let file = FileRef { path, bytes: bytes.len() as u64, blake3: blake3.clone() };
+        let file = FileRef { path, bytes: bytes.len() as u64, blake3 };
         self.added.insert(blake3, file.clone());
         Ok(file)
     }
@@ -250,6 +253,10 @@ pub struct Dataset {
     pub config: Config,
     /// The format version of the manifest on disk.
     pub version: u32,
+    /// Files that were verified.
+    known: verified::Known,
+    /// True if rows of images are read from files that were not verified.
+    trusts_rows: bool,
 }
 
 impl Dataset {
@@ -290,7 +297,20 @@ impl Dataset {
         }
         let (config, version) = parse(&manifest, &read(&manifest)?)?;
         let faults = check::faults(&manifest, &config);
-        Ok((Dataset { root: root.to_owned(), config, version }, faults))
+        Ok((Dataset::of(root, config, version), faults))
+    }
+
+    /// A dataset whose manifest is in memory.
+    pub(crate) fn of(root: &Path, config: Config, version: u32) -> Self {
+        let known = verified::Known::default();
+        Dataset { root: root.to_owned(), config, version, known, trusts_rows: false }
+    }
+
+    /// The same, but [`Dataset::map_rows`], [`Dataset::image_rows`] and [`Dataset::sum_rows`] verify no
+    /// checksums: for one of many processes that each read some rows of large files, where another compares
+    /// what they read with verified files.
+    pub fn with_unverified_rows(self) -> Self {
+        Dataset { trusts_rows: true, ..self }
     }
 
     /// Every reference to a file, in the manifest's order; one file may come several times.
@@ -298,21 +318,20 @@ impl Dataset {
         check::references(&self.config)
     }
 
-    /// The absolute path of a file.
+    /// The absolute path of a file, for messages; [`Dataset::verified`] gives one to read.
     pub fn path(&self, file: &FileRef) -> PathBuf {
         self.root.join(&file.path)
     }
 
-    /// The mask of a page, its size checked.
+    /// The mask of a page: size and checksum checked.
     ///
     /// # Panics
     /// If `page` is not below the number of pages.
     pub fn mask(&self, page: usize) -> Result<Mask> {
         let page = &self.config.pages[page];
-        let path = self.path(&page.mask);
-        let mask = Mask::read_png(&path).map_err(|error| self.with_length(&page.mask, error))?;
+        let path = self.verified_mask(&page.mask)?;
+        let mask = Mask::read_png(&path)?;
         check::size(&path, (mask.width, mask.height), page)?;
-        self.check_content(&page.mask)?;
         Ok(mask)
     }
 
@@ -338,19 +357,13 @@ impl Dataset {
     /// # Panics
     /// If `page` is not below the number of pages.
     pub fn image(&self, file: &FileRef, page: usize) -> Result<Image> {
-        let height = self.config.pages[page].height as usize;
-        let image = Image {
-            width: self.config.pages[page].width as usize,
-            height,
-            texels: self.image_rows(file, page, 0, height)?,
-        };
-        // After the texels' check: that says more than "the checksum differs".
-        self.check_content(file)?;
-        Ok(image)
+        let [width, height] = self.config.pages[page].size();
+        self.verified_image(file, page)?;
+        Ok(Image { width, height, texels: self.image_rows(file, page, 0, height)? })
     }
 
-    /// Rows `y0 .. y1` of [`Dataset::map`], with the same checks but the checksum; memory does not grow with
-    /// the page's height.
+    /// Rows `y0 .. y1` of [`Dataset::map`], with the same checks; memory does not grow with the page's
+    /// height.
     ///
     /// # Panics
     /// If `frame` or `page` is not below the number of frames or pages.
@@ -358,18 +371,16 @@ impl Dataset {
         self.image_rows(&self.config.frames[frame].maps[page], page, y0, y1)
     }
 
-    /// Rows `y0 .. y1` of [`Dataset::image`], with the checks of [`Dataset::map_rows`]; an error if they do
-    /// not lie inside the image.
+    /// Rows `y0 .. y1` of [`Dataset::image`], with the same checks; an error if they do not lie inside the
+    /// image.
     ///
     /// # Panics
     /// If `page` is not below the number of pages.
     pub fn image_rows(&self, file: &FileRef, page: usize, y0: usize, y1: usize) -> Result<Vec<[f32; 3]>> {
-        let path = self.path(file);
+        let path = if self.trusts_rows { self.path(file) } else { self.verified_image(file, page)? };
         let page = &self.config.pages[page];
-        let texels = image::read_exr_size(&path)
-            .and_then(|size| check::size(&path, size, page))
-            .and_then(|()| image::read_exr_rows(&path, y0, y1))
-            .map_err(|error| self.with_length(file, error))?;
+        check::size(&path, image::read_exr_size(&path)?, page)?;
+        let texels = image::read_exr_rows(&path, y0, y1)?;
         refuse_light(&path, page.width as usize, y0, &texels)?;
         Ok(texels)
     }
@@ -382,12 +393,12 @@ impl Dataset {
     pub fn light(&self, light: Light, group: Option<u32>, frame: usize, page: usize) -> Result<Image> {
         let files = self.config.files_of(light, group, frame, page);
         let [width, height] = self.config.pages[page].size();
+        files.iter().try_for_each(|file| self.verified_image(file, page).map(drop))?;
         let texels = self.sum_rows(&files, page, 0, height)?;
-        files.into_iter().try_for_each(|file| self.check_content(file))?;
         Ok(Image { width, height, texels })
     }
 
-    /// Rows `y0 .. y1` of the sum of images in their order, with the checks of [`Dataset::map_rows`]; one
+    /// Rows `y0 .. y1` of the sum of images in their order, with the checks of [`Dataset::map`]; one
     /// alone keeps every bit, none is black.
     ///
     /// # Panics
@@ -406,7 +417,7 @@ impl Dataset {
     /// The sampling error per tile, where known.
     pub fn noise(&self) -> Result<Option<Noise>> {
         let Some(file) = &self.config.noise else { return Ok(None) };
-        let path = self.path(file);
+        let path = self.verified(file)?;
         let noise: Noise = read_json(&path)?;
         if noise.tile as usize != TILE {
             return Err(Error::unsupported(
@@ -447,7 +458,6 @@ impl Dataset {
                 }
             }
         }
-        self.check_content(file)?;
         Ok(Some(noise))
     }
 
@@ -456,35 +466,5 @@ impl Dataset {
         let Some(transfer) = &self.config.transfer else { return Ok(()) };
         let what = format!("is the transfer of {}; expected a dataset of a day", transfer.scene);
         Err(Error::unsupported(self.root.display(), what))
-    }
-
-    /// An error where the content of a file differs from the manifest's checksum.
-    pub fn check_content(&self, file: &FileRef) -> Result<()> {
-        let path = self.path(file);
-        check::length(&self.root, file)?;
-        let mut hasher = blake3::Hasher::new();
-        let opened = fs::File::open(&path).map_err(Error::io(&path))?;
-        hasher.update_reader(opened).map_err(Error::io(&path))?;
-        let found = hasher.finalize().to_hex();
-        if found.as_str() != file.blake3 {
-            let what = format!(
-                "checksum {}…; {MANIFEST} says {}…: the content changed",
-                &found[..16],
-                &file.blake3[..16]
-            );
-            return Err(Error::invalid(path.display(), what));
-        }
-        Ok(())
-    }
-
-    /// A wrong length explains more than what the decoder made of it.
-    fn with_length(&self, file: &FileRef, error: Error) -> Error {
-        match (check::length(&self.root, file), error) {
-            (Err(length), Error::Invalid { what, .. }) => match length {
-                Error::Invalid { place, what: length } => Error::invalid(place, format!("{what} ({length})")),
-                other => other,
-            },
-            (_, error) => error,
-        }
     }
 }

@@ -147,9 +147,9 @@ mod stop {
     pub(crate) fn on_signals(told: impl Fn(i32) + Send + 'static) {
         let ignored = ignored();
         let signals = [SIGINT, SIGTERM, SIGHUP].into_iter().filter(|signal| ignored >> (signal - 1) & 1 == 0);
-        // Where the system has no signals to give, the process ends as it would without.
+        // Where the system has no signals or threads to give, the process ends as it would without.
         let Ok(mut signals) = Signals::new(signals) else { return };
-        std::thread::spawn(move || signals.forever().for_each(told));
+        let _ = std::thread::Builder::new().spawn(move || signals.forever().for_each(told));
     }
 
     /// Ends the process where it is, without running what is registered for its end.

@@ -5,6 +5,7 @@ mod common;
 use common::{python, write_hours};
 use dataset::config::{Config, Light, Part};
 use dataset::curve::Curve;
+use dataset::digest::Digest;
 use dataset::image::Image;
 use dataset::store::{Dataset, Writer};
 use std::fs;
@@ -148,7 +149,7 @@ fn a_curve_that_is_none_is_a_fault() {
         let mut config = good.clone();
         let file = config.layers[2].curve.as_mut().unwrap();
         file.path = "data/other-000000000000.json".to_owned();
-        (file.bytes, file.blake3) = (bytes.len() as u64, blake3::hash(bytes).to_hex().to_string());
+        (file.bytes, file.blake3) = (bytes.len() as u64, Digest::of(bytes));
         fs::write(folder.path().join(&file.path), bytes).unwrap();
         fs::write(folder.path().join("config.json"), serde_json::to_vec(&config).unwrap()).unwrap();
         let dataset = Dataset::open(folder.path()).unwrap();

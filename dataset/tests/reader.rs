@@ -6,6 +6,7 @@ mod common;
 
 use common::{Random, python, write_set};
 use dataset::config::{Config, FileRef, Light, Part};
+use dataset::digest::Digest;
 use dataset::image::{Image, Mask};
 use dataset::release::release;
 use dataset::store::Dataset;
@@ -87,7 +88,7 @@ fn with_hard_masks(root: &Path) -> Config {
     let png = mask.to_png();
     let mut config = config;
     config.pages[0].mask.bytes = png.len() as u64;
-    config.pages[0].mask.blake3 = blake3::hash(&png).to_hex().to_string();
+    config.pages[0].mask.blake3 = Digest::of(&png);
     fs::write(root.join(&config.pages[0].mask.path), png).unwrap();
     fs::write(root.join("config.json"), serde_json::to_vec(&config).unwrap()).unwrap();
     config
@@ -126,9 +127,50 @@ fn the_reader_in_python_reads_the_same_texels() {
     assert!(fs::read(&npy).unwrap().ends_with(&bytes));
     let output = run(&arguments("13"));
     assert!(!output.status.success() && !String::from_utf8_lossy(&output.stderr).contains("Traceback"));
-    fs::write(set.join(&dataset.config.frames[1].maps[0].path), b"torn").unwrap();
-    let output = run(&arguments("12"));
-    assert!(String::from_utf8_lossy(&output.stderr).contains("4 bytes; expected"), "{output:?}");
+    // Other light of the same length, and a torn file.
+    let map = set.join(&dataset.config.frames[1].maps[0].path);
+    let mut other = fs::read(&map).unwrap();
+    *other.last_mut().unwrap() ^= 1;
+    for (bytes, what) in
+        [(&other[..], "another checksum than config.json says"), (b"torn", "4 bytes; expected")]
+    {
+        fs::write(&map, bytes).unwrap();
+        let output = run(&arguments("12"));
+        assert!(
+            !output.status.success() && String::from_utf8_lossy(&output.stderr).contains(what),
+            "{output:?}"
+        );
+    }
+}
+
+/// Prints the digests of the first bytes of a file, as numpy computes them without the package.
+const DIGESTS: &str = "
+import sys
+sys.path.insert(0, sys.argv[1])
+import blake3_numpy
+blake3_numpy.BATCH = 4
+data = open(sys.argv[2], 'rb').read()
+for length in map(int, sys.argv[3:]):
+    print(blake3_numpy.numpy_digest(data[:length]).hex())
+";
+
+#[test]
+fn numpy_gives_the_digests_of_blake3() {
+    let Some(python) = python() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bytes");
+    let mut random = Random(9);
+    let bytes: Vec<u8> = (0..13_000).map(|_| random.bits() as u8).collect();
+    fs::write(&path, &bytes).unwrap();
+    // Blocks of 64 bytes, chunks of 1024, batches of four chunks.
+    let lengths = [0, 1, 63, 64, 65, 1023, 1024, 1025, 2048, 3073, 4096, 4097, 8192, 12_288, 13_000];
+    let mut command = Command::new(&python);
+    command.env("PYTHONDONTWRITEBYTECODE", "1").args(["-c", DIGESTS]);
+    command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("python")).arg(&path);
+    let output = command.args(lengths.map(|length| length.to_string())).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let expected = lengths.map(|length| format!("{:?}\n", Digest::of(&bytes[..length]))).concat();
+    assert_eq!(String::from_utf8(output.stdout).unwrap(), expected);
 }
 
 /// Prints all that the reader gives of a dataset.

@@ -27,8 +27,9 @@ impl Released {
         rename(&hut, "hut", &[(20, 20)]);
         rename(&yard, "yard", &[(33, 20), (8, 8)]);
         let light = Dataset::open(&hut).unwrap().config.digest_of_light();
-        fs::write(hut.join("hut-h.ndgi"), bundle(&format!(r#"{{"inputs":"{light}"}}"#))).unwrap();
-        fs::write(hut.join("other.ndgi"), bundle("{}")).unwrap();
+        fs::write(hut.join("hut-h.ndgi"), bundle_of(&light)).unwrap();
+        let level = format!(r#"{{"inputs":"another","level":1,"level_of":"{light}"}}"#);
+        fs::write(hut.join("other.ndgi"), bundle(&level)).unwrap();
         fs::write(hut.join("run.json"), b"not part of the set").unwrap();
         released.package("release");
         released
@@ -56,23 +57,16 @@ impl Released {
     }
 }
 
-/// The beginning of a bundle that says this of itself, and a payload.
+/// A bundle that says this of itself.
 fn bundle(info: &str) -> Vec<u8> {
-    bundle_of(4, info)
+    let (header, payloads) = ndgi::testing::sunny();
+    let header = ndgi::bundle::Header { info: info.to_owned(), ..header };
+    ndgi::bundle::encode(&header, &payloads).unwrap()
 }
 
-fn bundle_of(version: u32, info: &str) -> Vec<u8> {
-    let mut bytes = b"NDGI\r\n\x1a\n".to_vec();
-    bytes.resize(if version == 3 { 56 } else { 80 }, 0);
-    for text in ["hut", info] {
-        bytes.extend((text.len() as u32).to_le_bytes());
-        bytes.extend(text.as_bytes());
-    }
-    bytes.extend([7; 300]);
-    bytes[8..12].copy_from_slice(&version.to_le_bytes());
-    let length = bytes.len() as u64;
-    bytes[16..24].copy_from_slice(&length.to_le_bytes());
-    bytes
+/// One that says that it was made from this light.
+fn bundle_of(light: &str) -> Vec<u8> {
+    bundle(&format!(r#"{{"inputs":"{light}"}}"#))
 }
 
 /// [`write_set`] of another name.
@@ -150,10 +144,11 @@ fn a_release_verifies_and_unpacks_to_the_same_set() {
 }
 
 #[test]
-fn bundles_of_other_light_are_refused_and_found() {
+fn bundles_that_are_damaged_or_of_other_light_are_refused_and_found() {
     let released = Released::new();
-    let other = Dataset::open(&released.at("yard")).unwrap().config.digest_of_light();
-    let foreign = bundle(&format!(r#"{{"inputs":"{other}"}}"#));
+    let [light, other] =
+        ["hut", "yard"].map(|name| Dataset::open(&released.at(name)).unwrap().config.digest_of_light());
+    let foreign = bundle_of(&other);
     let refused = |bytes: &[u8], words: &str| {
         fs::write(released.at("hut").join("other.ndgi"), bytes).unwrap();
         let out = released.at("again");
@@ -163,27 +158,46 @@ fn bundles_of_other_light_are_refused_and_found() {
         assert!(!out.exists());
     };
     refused(&foreign, "made from different light than the dataset's");
-    refused(b"bundle", "not a complete bundle");
-    refused(&[0; 100], "its first bytes are not a bundle's");
-    let mut long = bundle("{}");
-    long[80..84].fill(255);
-    refused(&long, "expected up to 1048576");
-    let mut newer = bundle("{}");
+    // Whoever says nothing, or nothing that can be read, may be another's.
+    for info in ["{}", "[]", "null", "", "not JSON", r#"{"inputs":1}"#, r#"["inputs"]"#] {
+        refused(&bundle(info), "does not say from which light it was made");
+    }
+    let version3 = fs::read("../compressor/ndgi/tests/fixtures/version3.ndgi").unwrap();
+    refused(&version3, "made");
+    refused(b"bundle", "cut short");
+    refused(&[0; 100], "does not begin with the magic bytes");
+    let whole = bundle_of(&light);
+    let mut newer = whole.clone();
     newer[8] = 5;
-    refused(&newer, "a bundle of version 5; expected 3 or 4");
-    let old = bundle_of(3, &format!(r#"{{"inputs":"{other}"}}"#));
-    refused(&old, "made from different light than the dataset's");
-    let whole = bundle("{}");
-    refused(&whole[..whole.len() - 1], &format!("expected {}", whole.len()));
+    refused(&newer, "bundle version 5");
+    refused(&whole[..whole.len() - 1], "cut short, or damaged");
+    // A flipped bit in the header, the resident block, features, the sun's sections, the last of them.
+    let opened = ndgi::Bundle::from_bytes(whole.clone()).unwrap();
+    let lit = opened.index.iter().find(|entry| entry.ndgi.length > 0 && entry.shadows.length > 0).unwrap();
+    let resident = opened.index[0].ndgi.offset - opened.bytes_resident;
+    for at in [100, resident, lit.ndgi.offset, lit.sun.offset, lit.shadows.offset, opened.bytes - 1] {
+        let mut damaged = whole.clone();
+        damaged[at as usize] ^= 1;
+        refused(&damaged, "damaged");
+    }
     // The same where sums were made to agree.
     let release = released.at("release");
     let sums = fs::read_to_string(release.join(SUMS)).unwrap();
-    fs::write(release.join("hut-h.ndgi"), &foreign).unwrap();
-    let sum = Command::new("sha256sum").arg("hut-h.ndgi").current_dir(&release).output().unwrap();
-    let line = String::from_utf8(sum.stdout).unwrap();
-    let lines = sums.lines().map(|old| if old.ends_with("  hut-h.ndgi") { line.trim_end() } else { old });
-    fs::write(release.join(SUMS), lines.map(|line| format!("{line}\n")).collect::<String>()).unwrap();
-    released.expect_fault(&["hut-h.ndgi", "made from different light"]);
+    let mut damaged = whole.clone();
+    damaged[lit.shadows.offset as usize] ^= 1;
+    let silent = bundle("[]");
+    for (bytes, words) in [
+        (&foreign, "made from different light"),
+        (&damaged, "the file is damaged"),
+        (&silent, "does not say from which light"),
+    ] {
+        fs::write(release.join("hut-h.ndgi"), bytes).unwrap();
+        let sum = Command::new("sha256sum").arg("hut-h.ndgi").current_dir(&release).output().unwrap();
+        let line = String::from_utf8(sum.stdout).unwrap();
+        let lines = sums.lines().map(|old| if old.ends_with("  hut-h.ndgi") { line.trim_end() } else { old });
+        fs::write(release.join(SUMS), lines.map(|line| format!("{line}\n")).collect::<String>()).unwrap();
+        released.expect_fault(&["hut-h.ndgi", words]);
+    }
 }
 
 #[test]
@@ -325,7 +339,7 @@ fn hostile_archives_are_refused_and_write_nothing() {
         let archives = value["scenes"][0]["archives"].as_array_mut().unwrap();
         let archive = archives.iter_mut().find(|archive| archive["holds"] == "sun").unwrap();
         archive["files"][0]
-            .clone_from(&serde_json::json!({"path": "../escaped", "bytes": 2, "blake3": "00"}));
+            .clone_from(&serde_json::json!({"path": "../escaped", "bytes": 2, "blake3": "0".repeat(64)}));
     };
     let mut value = set.clone();
     sun(&mut value);

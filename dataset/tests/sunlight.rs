@@ -5,6 +5,7 @@ mod common;
 
 use common::{Random, python, write_set};
 use dataset::config::{Config, FileRef, SunVisibility};
+use dataset::digest::Digest;
 use dataset::normals::Normals;
 use dataset::store::{Dataset, MANIFEST, Writer};
 use dataset::sun::SunPath;
@@ -72,7 +73,7 @@ fn faults(root: &Path, good: &Config, of: fn(&mut Config) -> &mut FileRef, bytes
     let file = of(&mut config);
     file.path = "data/other-000000000000.x".to_owned();
     file.bytes = bytes.len() as u64;
-    file.blake3 = blake3::hash(bytes).to_hex().to_string();
+    file.blake3 = Digest::of(bytes);
     fs::write(root.join(&file.path), bytes).unwrap();
     assert_eq!(reported(root, &config), "");
     let faults = Dataset::open(root).unwrap().verify(|| ()).faults;

@@ -123,10 +123,7 @@ fn an_imported_dataset_goes_out_and_comes_back_with_the_same_light() {
     // Files of equal content may have other names.
     let content = |config: &Config| -> Vec<_> {
         let hashes = |l: &Layer| -> Vec<Vec<_>> {
-            l.files
-                .iter()
-                .map(|row| row.iter().map(|f| f.as_ref().map(|f| f.blake3.clone())).collect())
-                .collect()
+            l.files.iter().map(|row| row.iter().map(|f| f.as_ref().map(|f| f.blake3)).collect()).collect()
         };
         config.layers.iter().map(|l| (l.light, l.group, l.part, hashes(l))).collect()
     };

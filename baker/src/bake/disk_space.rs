@@ -108,11 +108,11 @@ impl DiskSpace {
     /// Refuses a bake that needs more than the `free` bytes of the file system of its folder.
     ///
     /// # Errors
-    /// [`Error::Invalid`].
+    /// [`Error::Unready`], like a disk that is full later.
     pub fn check_free_space(&self, out: &Path, free: Option<u64>) -> Result<()> {
         match free {
             Some(free) if self.peak() > free.saturating_add(self.removed) => {
-                Err(Error::invalid(out.display(), self.refusal(free)))
+                Err(Error::unready(out.display(), self.refusal(free)))
             }
             // (Some file systems do not tell.)
             _ => Ok(()),

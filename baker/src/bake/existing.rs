@@ -74,7 +74,7 @@ fn has_geometry(dataset: &Dataset) -> bool {
     let Some(file) = &dataset.config.geometry else { return true };
     // (The plain name is a second link to the same file, or a copy of it.)
     let named = FileRef { path: GLB.to_owned(), ..file.clone() };
-    dataset.check_content(file).is_ok() && dataset.check_content(&named).is_ok()
+    dataset.verified(file).is_ok() && dataset.verified(&named).is_ok()
 }
 
 /// Refuses a folder that is no dataset's, nor holds the work of a bake, and in which files of those names

@@ -49,7 +49,7 @@ impl OutputFolder {
     /// Begins the work: with `--force` what was kept goes; `charts` are kept for the next bake.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where the disk has not room for it.
+    /// [`Error::Unready`] where the disk has not room for it.
     pub fn begin(&self, disk: &DiskSpace, options: &Options, charts: Charts) -> Result<Writer> {
         disk.check_free_space(&self.root, (options.free_bytes)(&self.root))?;
         // The folder of the work comes first: by it a later run knows the folder for a bake's own.

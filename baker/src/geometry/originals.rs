@@ -146,7 +146,7 @@ impl File {
 
 impl Originals {
     /// Where the geometry's instances come from, in their order.
-    pub fn baked(&self) -> impl Iterator<Item = &Source> + Clone {
+    pub(crate) fn baked(&self) -> impl Iterator<Item = &Source> + Clone {
         self.sources.iter().filter(|source| matches!(source.placed, Placed::Baked(_)))
     }
 

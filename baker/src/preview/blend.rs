@@ -118,7 +118,7 @@ mod tests {
 
     /// A dataset of these hours with one group; it is lit at the frames as told.
     fn config(on: [f64; 2], frames: &[(f64, bool)]) -> Config {
-        let file = json!({ "path": "data/a.exr", "bytes": 1, "blake3": "" });
+        let file = json!({ "path": "data/a.exr", "bytes": 1, "blake3": "0".repeat(64) });
         let frame = |&(hour, on): &(f64, bool)| json!({ "hour": hour, "groups_on": [on], "relative_error": null, "maps": [file] });
         serde_json::from_value(json!({
             "format": "temporal-lightmaps", "version": 2, "scene": "s", "generator": "", "unit": "", "seed": 1, "inputs": "",

@@ -2,6 +2,7 @@
 
 use crate::{Error, Result};
 use dataset::config::Config;
+pub use dataset::error::of_bundle;
 use dataset::store::Dataset;
 use ndgi::decode::Decoder;
 use serde_json::Value;
@@ -15,15 +16,6 @@ pub struct Compressed {
     pub decoder: Decoder,
     /// What its writer noted about it.
     info: Value,
-}
-
-/// An error of the decoding crate as one of this.
-pub fn of_bundle(error: ndgi::Error) -> Error {
-    match error {
-        ndgi::Error::Invalid { place, what } => Error::Invalid { place, what },
-        ndgi::Error::Unsupported { place, what } => Error::Unsupported { place, what },
-        ndgi::Error::Io { path, source } => Error::Io { path, source },
-    }
 }
 
 impl Compressed {

@@ -8,6 +8,7 @@ use crate::bake::scene_glb::to_glb;
 use crate::geometry::{self, Geometry, LightmapPlace};
 use crate::scene::{Baked, Lightmap, Scene};
 use crate::{Error, Result};
+use dataset::digest::Digest;
 use dataset::observe::Observer;
 use dataset::store::{Dataset, MANIFEST, UNFINISHED, WORK};
 use serde::Deserialize;
@@ -103,8 +104,8 @@ fn as_baked(dataset: &Dataset, geometry: &Geometry, console: &dyn Observer) -> R
     progress.advance(1);
     // The geometry with its lightmap coordinates is a file of the dataset: the same bytes, the same texels at
     // the same places.
-    let glb = blake3::hash(&to_glb(geometry, &atlas)?.glb).to_hex();
-    let is_same = config.geometry.as_ref().is_some_and(|file| file.blake3 == glb.as_str());
+    let glb = Digest::of(&to_glb(geometry, &atlas)?.glb);
+    let is_same = config.geometry.as_ref().is_some_and(|file| file.blake3 == glb);
     Ok(is_same.then_some(atlas))
 }
 

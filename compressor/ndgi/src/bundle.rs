@@ -230,6 +230,8 @@ pub struct Bundle {
     pub bytes: u64,
     /// Length in bytes of the resident block: means and peaks of all tiles.
     pub bytes_resident: u64,
+    /// Sections of streams that this crate does not know.
+    unknown: Vec<Part>,
     /// Per tile, its brightness at each knot; empty for a tile without features, and before version 4.
     knots: Vec<Vec<Knot>>,
     is_old: bool,
@@ -283,8 +285,9 @@ impl Bundle {
         let start = read(0, FIXED).map_err(io)?;
         let length = header::check_start(&start, bytes, &name)?;
         let head = read(0, length).map_err(io)?;
-        let header::Read { header, index, resident } = header::decode(&head, bytes, &name)?;
+        let header::Read { header, index, unknown, resident } = header::decode(&head, bytes, &name)?;
         let mut bundle = Bundle {
+            unknown,
             knots: Vec::new(),
             is_old: resident.is_none(),
             sun_decoder: OnceLock::new(),
@@ -326,6 +329,53 @@ impl Bundle {
             return Err(Error::invalid(at(), what));
         }
         Ok(bytes)
+    }
+
+    /// Reads the whole bundle and compares it with all its checksums; decodes features too. (A bundle that is
+    /// only opened is verified tile by tile, as tiles are read.)
+    ///
+    /// ```
+    /// # let mut bytes = ndgi::testing::sunny_bundle();
+    /// *bytes.last_mut().unwrap() ^= 1;
+    /// let bundle = ndgi::Bundle::from_bytes(bytes)?;
+    /// assert!(bundle.verify().unwrap_err().to_string().contains("the file is damaged"));
+    /// # Ok::<(), ndgi::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`Bundle::tile`], for the first tile that is damaged; [`Error::Io`].
+    pub fn verify(&self) -> Result<()> {
+        self.verify_padding()?;
+        self.header.places().try_for_each(|place| self.verify_tile(place))?;
+        let sections = self.unknown.iter().filter(|part| part.length > 0);
+        sections.into_iter().try_for_each(|part| {
+            self.read(part, || format!("{}, a stream of an unknown kind", self.name)).map(drop)
+        })
+    }
+
+    /// The zeros behind the resident block, which no checksum covers.
+    fn verify_padding(&self) -> Result<()> {
+        let length = self.bytes_resident.next_multiple_of(ALIGN as u64) - self.bytes_resident;
+        let Some(first) = self.index.first().filter(|_| length > 0) else { return Ok(()) };
+        let mut bytes = [0; ALIGN];
+        let io = |source| Error::Io { path: self.name.clone().into(), source };
+        self.source.read_at(first.ndgi.offset - length, &mut bytes[..length as usize]).map_err(io)?;
+        match bytes.iter().all(|byte| *byte == 0) {
+            true => Ok(()),
+            false => Err(Error::invalid(
+                &self.name,
+                "bytes behind the resident block that are not zero: the file is damaged",
+            )),
+        }
+    }
+
+    /// [`Bundle::verify`] of one tile.
+    ///
+    /// # Errors
+    /// As [`Bundle::tile`].
+    pub fn verify_tile(&self, place: Place) -> Result<()> {
+        self.tile(place)?;
+        self.sun_sections(place).map(drop)
     }
 
     fn position(&self, place: Place) -> Result<usize> {

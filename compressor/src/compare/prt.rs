@@ -102,7 +102,7 @@ impl<'a> Transfer<'a> {
         let images: Vec<_> = pages.into_iter().flat_map(|page| opened.images(page)).collect();
         images
             .par_iter()
-            .try_for_each(|(set, files)| files.iter().try_for_each(|file| set.check_content(file)))?;
+            .try_for_each(|(set, files)| files.iter().try_for_each(|file| set.verified(file).map(drop)))?;
         Ok(opened)
     }
 

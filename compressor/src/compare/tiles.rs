@@ -115,7 +115,7 @@ impl TileSet {
             .flat_map(|&page| dataset.config.frames.iter().map(move |set| &set.maps[page]))
             .map(|file| (file.path.as_str(), file))
             .collect();
-        files.par_iter().try_for_each(|(_, file)| dataset.check_content(file))?;
+        files.par_iter().try_for_each(|(_, file)| dataset.verified(file).map(drop))?;
         let load = |(place, rect): (Place, Rect)| {
             stop_if_interrupted()?;
             let mask = &masks[place.page];

@@ -3,6 +3,7 @@
 use super::info;
 use super::outcome::{self, Outcome};
 use crate::bundle::{self, Bundle, Header};
+use crate::grid::Place;
 use crate::printable;
 use std::path::Path;
 
@@ -10,6 +11,8 @@ use std::path::Path;
 pub(super) enum Existing {
     /// An up-to-date bundle (except for bytes that depend on the instruction set) with its training record.
     Same(Box<Outcome>),
+    /// The same, but these tiles are damaged.
+    Damaged(Box<Outcome>, Vec<Place>),
     /// A file that only `--force` replaces, with the reason: not a bundle, one of another scene, or one of
     /// the same light that was trained for more steps.
     Protected(String),
@@ -49,7 +52,13 @@ pub(super) fn existing_bundle(out: &Path, header: &Header) -> Existing {
     let is_same = there.header == *header && !is_limited;
     let kept = outcome::read(out).filter(|outcome| is_same && outcome.bytes == there.bytes);
     if let Some(outcome) = kept {
-        return Existing::Same(Box::new(outcome));
+        let is_damaged = |place: &Place| there.verify_tile(*place).is_err();
+        let damaged: Vec<Place> = there.header.places().filter(is_damaged).collect();
+        return match there.verify() {
+            Err(_) if !damaged.is_empty() => Existing::Damaged(Box::new(outcome), damaged),
+            Err(damage) => Existing::Other(damage.to_string()),
+            Ok(()) => Existing::Same(Box::new(outcome)),
+        };
     }
     let differs = |key: &str| old[key] != new[key];
     // (With a time limit they are an upper bound.)

@@ -16,6 +16,7 @@ use crate::tile::Band;
 use crate::time::{Coding, Timeline};
 use crate::{Error, Result};
 use dataset::config::{Layer, Light, PageKind};
+use dataset::digest::Digest;
 use dataset::image::Mask;
 use dataset::observe::Observer;
 use dataset::signals::stop_if_interrupted;
@@ -93,7 +94,7 @@ impl<'a> Job<'a> {
         let mut seen = BTreeSet::new();
         let mut files = self.law.layers(&self.dataset.config).flat_map(Layer::files);
         files.try_for_each(|file| match seen.insert(&file.path) {
-            true => self.dataset.check_content(file),
+            true => self.dataset.verified(file).map(drop),
             false => Ok(()),
         })
     }
@@ -181,13 +182,15 @@ impl<'a> Job<'a> {
         Ok(Header { sun, shadows, ..header(self, between) })
     }
 
-    /// The existing bundle if it is up to date; an error if it must not be replaced.
-    pub fn existing(&self, header: &Header, console: &dyn Observer) -> Result<Option<Outcome>> {
+    /// The existing bundle if it is up to date, with the tiles of it that are damaged; an error if it must
+    /// not be replaced.
+    pub fn existing(&self, header: &Header, console: &dyn Observer) -> Result<Option<(Outcome, Vec<Place>)>> {
         if self.options.force {
             return Ok(None);
         }
         match existing_bundle(&self.out, header) {
-            Existing::Same(outcome) => return Ok(Some(*outcome)),
+            Existing::Same(outcome) => return Ok(Some((*outcome, Vec::new()))),
+            Existing::Damaged(outcome, tiles) => return Ok(Some((*outcome, tiles))),
             Existing::Protected(what) => {
                 return Err(Error::invalid(
                     self.out.display(),
@@ -236,8 +239,6 @@ fn check_texels(dataset: &Dataset, console: &dyn Observer) -> Result<()> {
             for y in (0..height).step_by(crate::model::STORED) {
                 dataset.map_rows(frame, page, y, (y + crate::model::STORED).min(height))?;
             }
-            // After the texels' check, whose message says more than "the checksum differs".
-            dataset.check_content(&frames[frame].maps[page])?;
             progress.advance(1);
             Ok(())
         })
@@ -315,17 +316,17 @@ fn trained_on(dataset: &Dataset, law: &Law) -> String {
     let config = &dataset.config;
     let files = |group: u32| {
         let layers = config.layers_of(Light::Group, Some(group));
-        layers.flat_map(Layer::files).map(|file| file.blake3.clone()).collect::<Vec<_>>()
+        layers.flat_map(Layer::files).map(|file| file.blake3).collect::<Vec<_>>()
     };
     let mut layers: Vec<_> = (0..config.groups.len() as u32).map(files).collect();
     // With a separate sun, maps hold the sum of layers.
     if law.is_apart {
-        layers.push(config.layers.iter().flat_map(Layer::files).map(|file| file.blake3.clone()).collect());
+        layers.push(config.layers.iter().flat_map(Layer::files).map(|file| file.blake3).collect());
     }
     // With curves, their layers' shares of the light decide means.
     if law.has_curves() {
-        let files = |layer: &'_ Layer| -> Vec<String> {
-            layer.files().chain(&layer.curve).map(|file| file.blake3.clone()).collect()
+        let files = |layer: &'_ Layer| -> Vec<Digest> {
+            layer.files().chain(&layer.curve).map(|file| file.blake3).collect()
         };
         layers.push(law.layers(config).flat_map(files).collect());
     }

@@ -16,6 +16,9 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+/// What follows a bundle's name in that of its record.
+pub(super) const SUFFIX: &str = ".run.json";
+
 /// One point of the training curve over all tiles.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CurvePoint {
@@ -173,12 +176,12 @@ fn count(stats: &[TileStats]) -> Vec<(String, usize)> {
 /// Writes `<bundle>.run.json`, which has everything that changes from run to run.
 pub(super) fn write(out: &Path, outcome: &Outcome) -> Result<()> {
     let json = json(Path::new("run.json"), outcome)?;
-    write_atomically(&beside(out, ".run.json"), &json)
+    write_atomically(&beside(out, SUFFIX), &json)
 }
 
 /// Reads the `.run.json` of the bundle at `out`, if there is one.
 pub(super) fn read(out: &Path) -> Option<Outcome> {
-    let outcome: Outcome = serde_json::from_slice(&std::fs::read(beside(out, ".run.json")).ok()?).ok()?;
+    let outcome: Outcome = serde_json::from_slice(&std::fs::read(beside(out, SUFFIX)).ok()?).ok()?;
     // (It may have been moved since.)
     Some(Outcome { bundle: out.to_owned(), up_to_date: true, resumed: 0, ..outcome })
 }

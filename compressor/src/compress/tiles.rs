@@ -17,6 +17,7 @@ use crate::model::{Contents, Profile, TileParams};
 use crate::tile::{self, Band};
 use crate::train::{self, Recipe, TrainedTile, TrialFit};
 use crate::{Error, Result, of_bundle};
+use dataset::digest::Digest;
 use dataset::image::Mask;
 use dataset::observe::{Observer, count};
 use dataset::signals::stop_if_interrupted;
@@ -296,6 +297,21 @@ impl Tiles<'_> {
             Ok(tile)
         };
         self.each_tile(console, "training", finished, work, note)
+    }
+
+    /// Trains some tiles again, of known contents, without keeping them.
+    pub(super) fn again(
+        &self,
+        places: &[Place],
+        contents: impl Fn(&Place) -> Option<Contents> + Sync,
+        console: &dyn Observer,
+    ) -> Result<Vec<Payload>> {
+        let progress = console.progress("training", places.len() as u64);
+        self.some_tiles(places, |place, band| {
+            let tile = self.train(place, contents(&place), band, self.options.iterations)?;
+            progress.advance(1);
+            Ok(tile.payload)
+        })
     }
 
     /// Plans the tiles' steps. With a time limit the largest tiles, one per thread, are trained briefly first
@@ -586,7 +602,7 @@ impl Tiles<'_> {
     fn choice_key(&self) -> String {
         let Options { rate, iterations, passes, seed, without_sun, still_shadows, .. } = *self.options;
         let options = json!([format!("{rate:?}"), iterations, passes, seed, without_sun, still_shadows]);
-        let files: Vec<&str> = self.dataset.files().map(|file| &*file.blake3).collect();
+        let files: Vec<Digest> = self.dataset.files().map(|file| file.blake3).collect();
         self.name(Place { page: 0, column: 0, row: 0 }, &json!(["choice", options, files]))
     }
 

@@ -73,11 +73,6 @@ pub fn between(
     let progress = console.progress("between frames", total as u64);
     let mut pools: Vec<[Pool; 2]> = points.iter().map(|_| Default::default()).collect();
     for (page, mask) in masks.iter().enumerate() {
-        if let Some(withheld) = withheld {
-            let mut frames =
-                points.iter().filter_map(|(.., index)| *index).map(|k| &withheld.config.frames[k]);
-            frames.try_for_each(|frame| withheld.check_content(&frame.maps[page]))?;
-        }
         for rows in &strips[page] {
             let mask = cut(mask, rows);
             let rects = tiles(mask.width, mask.height, TILE);

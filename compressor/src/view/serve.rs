@@ -7,13 +7,19 @@ use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
 use std::sync::Arc;
-use std::time::Duration;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
 
 /// The longest line of a request, and how many there may be.
 const MOST_LINE: u64 = 8192;
 const MOST_LINES: usize = 100;
-/// How long a silent connection stays open, and how often an interrupt is looked for.
+/// How long a request may take to arrive, and its answer to begin to leave …
 const PATIENCE: Duration = Duration::from_secs(10);
+/// … with a second more for this many bytes of the answer that were taken.
+const SLOWEST: f64 = (1 << 18) as f64;
+/// Connections at once; a browser opens six. Others wait until one of these ends.
+const MOST_CONNECTIONS: usize = 32;
+/// How often an interrupt is looked for.
 const PAUSE: Duration = Duration::from_millis(20);
 
 /// A port that is taken, on the loopback interface.
@@ -31,7 +37,12 @@ impl Server {
     pub fn bind(port: u16) -> Result<Self> {
         let place = format!("127.0.0.1:{port}");
         let taken = |error: io::Error| {
-            Error::invalid("--serve", format!("{place}: {error}; expected a free port, or 0 for any"))
+            let what = format!("{place}: {error}; expected a free port, or 0 for any");
+            match error.kind() {
+                // Whoever has it may end.
+                io::ErrorKind::AddrInUse => Error::unready("--serve", what),
+                _ => Error::invalid("--serve", what),
+            }
         };
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).map_err(taken)?;
         let address = listener.local_addr().map_err(taken)?;
@@ -44,24 +55,98 @@ impl Server {
     }
 }
 
-/// Answers requests until the process is interrupted, which is how it is to end.
+/// Answers requests until the process is interrupted.
 ///
 /// # Errors
-/// A port that cannot be used.
+/// [`Error::Interrupted`], which is how it is to end; a port that cannot be used.
 pub fn serve(server: &Server, source: Source) -> Result<()> {
     let source = Arc::new(source);
     server.listener.set_nonblocking(true).map_err(Error::io("--serve".as_ref()))?;
+    let open = Arc::new(AtomicUsize::new(0));
     while !interrupted() {
-        match server.listener.accept() {
+        let is_free = open.load(Ordering::Acquire) < MOST_CONNECTIONS;
+        match is_free.then(|| server.listener.accept()) {
             // What a browser breaks off is no fault of this program.
-            Ok((stream, _)) => {
+            Some(Ok((stream, _))) => {
                 let source = Arc::clone(&source);
-                std::thread::spawn(move || answer(stream, &source).ok());
+                begin(
+                    stream,
+                    &open,
+                    move |stream| answer(stream, &source),
+                    |work| std::thread::Builder::new().spawn(work).map(drop),
+                );
             }
-            Err(_) => std::thread::sleep(PAUSE),
+            _ => std::thread::sleep(PAUSE),
         }
     }
-    Ok(())
+    Err(Error::Interrupted)
+}
+
+/// Answers a connection on a thread of its own, by `spawn`, and counts it as open meanwhile. Where the system
+/// has no thread left, the client is told to come again.
+fn begin(
+    stream: TcpStream,
+    open: &Arc<AtomicUsize>,
+    answer: impl FnOnce(TcpStream) -> io::Result<()> + Send + 'static,
+    spawn: impl FnOnce(Box<dyn FnOnce() + Send>) -> io::Result<()>,
+) {
+    /// One open connection, until it is dropped.
+    struct Open(Arc<AtomicUsize>);
+    impl Drop for Open {
+        fn drop(&mut self) {
+            self.0.fetch_sub(1, Ordering::AcqRel);
+        }
+    }
+    open.fetch_add(1, Ordering::AcqRel);
+    let counted = Open(Arc::clone(open));
+    let other = stream.try_clone();
+    let work = move || {
+        let _counted = counted;
+        let _ = answer(stream);
+    };
+    if spawn(Box::new(work)).is_err()
+        && let Ok(mut stream) = other
+    {
+        // (What fits into an empty buffer is sent without waiting.)
+        let _ = refuse(&mut stream, "503 Service Unavailable\r\nRetry-After: 1");
+    }
+}
+
+/// A connection that fails with [`io::ErrorKind::TimedOut`] after a time, however its client deals out bytes.
+struct Timed {
+    stream: TcpStream,
+    until: Instant,
+}
+
+impl Timed {
+    fn new(stream: TcpStream) -> Self {
+        Timed { stream, until: Instant::now() + PATIENCE }
+    }
+
+    fn left(&self) -> io::Result<Duration> {
+        let left = self.until.saturating_duration_since(Instant::now());
+        if left.is_zero() { Err(io::ErrorKind::TimedOut.into()) } else { Ok(left) }
+    }
+}
+
+impl Read for Timed {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        self.stream.set_read_timeout(Some(self.left()?))?;
+        self.stream.read(buffer)
+    }
+}
+
+impl Write for Timed {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.stream.set_write_timeout(Some(self.left()?))?;
+        let written = self.stream.write(bytes)?;
+        self.until += Duration::from_secs_f64(written as f64 / SLOWEST);
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.stream.flush()
+    }
 }
 
 /// A request: its method, path, and the range of bytes asked for.
@@ -74,10 +159,9 @@ struct Request {
 
 fn answer(stream: TcpStream, source: &Source) -> io::Result<()> {
     stream.set_nonblocking(false)?;
-    stream.set_read_timeout(Some(PATIENCE))?;
-    stream.set_write_timeout(Some(PATIENCE))?;
-    let mut out = stream.try_clone()?;
-    let Some(request) = read_request(&mut BufReader::new(stream))? else { return Ok(()) };
+    let from = Timed::new(stream.try_clone()?);
+    let Some(request) = read_request(&mut BufReader::new(from))? else { return Ok(()) };
+    let mut out = Timed::new(stream);
     let is_head = request.method == "HEAD";
     // Refuse other host names (DNS rebinding): a foreign page could read this server.
     let host = request.host.rsplit_once(':').map_or(&*request.host, |(host, _)| host);
@@ -196,6 +280,52 @@ mod tests {
             assert_eq!(parse_range(range, 100), found, "{range}");
         }
         assert_eq!(parse_range("bytes=0-", 0), None);
+    }
+
+    /// A client and what the server has of it.
+    fn connection() -> (TcpStream, TcpStream) {
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+        let client = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+        (client, listener.accept().unwrap().0)
+    }
+
+    #[test]
+    fn a_client_that_deals_out_bytes_is_left() {
+        let (mut client, stream) = connection();
+        client.write_all(b"GET").unwrap();
+        let mut timed = Timed::new(stream);
+        let mut byte = [0];
+        assert_eq!(timed.read(&mut byte).unwrap(), 1);
+        let until = timed.until;
+        timed.write_all(&[0; 1 << 10]).unwrap();
+        assert_eq!(timed.until - until, Duration::from_secs_f64(1.0 / 256.0));
+        // Though bytes are there to be read, and there is room for more.
+        timed.until = Instant::now();
+        assert_eq!(timed.read(&mut byte).unwrap_err().kind(), io::ErrorKind::TimedOut);
+        assert_eq!(timed.write(&[0]).unwrap_err().kind(), io::ErrorKind::TimedOut);
+    }
+
+    #[test]
+    fn without_a_thread_the_client_is_told_to_come_again() {
+        let open = Arc::new(AtomicUsize::new(0));
+        let (mut client, stream) = connection();
+        let none = |_: Box<dyn FnOnce() + Send>| Err(io::ErrorKind::WouldBlock.into());
+        begin(stream, &open, |_| unreachable!("there is no thread"), none);
+        let mut answer = String::new();
+        client.read_to_string(&mut answer).unwrap();
+        assert!(answer.starts_with("HTTP/1.1 503 Service Unavailable"), "{answer}");
+        assert_eq!(open.load(Ordering::Acquire), 0);
+        // While it is answered a connection is counted.
+        let (mut client, stream) = connection();
+        let counted = Arc::clone(&open);
+        let answer = move |mut stream: TcpStream| stream.write_all(&[counted.load(Ordering::Acquire) as u8]);
+        begin(stream, &open, answer, |work| {
+            work();
+            Ok(())
+        });
+        let mut counted = Vec::new();
+        client.read_to_end(&mut counted).unwrap();
+        assert_eq!((counted, open.load(Ordering::Acquire)), (vec![1], 0));
     }
 
     #[test]

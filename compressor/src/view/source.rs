@@ -74,8 +74,8 @@ impl Source {
             ));
         }
         let opened = Bundle::open(&bundle).map_err(of_bundle)?;
-        // Read all tiles so that damage is reported: the page verifies no checksums.
-        opened.header.places().try_for_each(|place| opened.tile(place).map(drop)).map_err(of_bundle)?;
+        // The page itself verifies no checksums.
+        opened.verify().map_err(of_bundle)?;
         let needs_words = opened.index.iter().any(|entry| entry.shadows.length > 0);
         let header = opened.header;
         let other = dataset.as_ref().and_then(|dataset| difference(&header, &dataset.config));
@@ -233,10 +233,11 @@ fn scene_of(options: &Options, dataset: Option<&Dataset>, folder: &Path) -> Resu
             )),
         };
     }
-    let of_dataset =
-        dataset.and_then(|dataset| dataset.config.geometry.as_ref().map(|file| dataset.path(file)));
-    let beside = || Some(folder.join("scene.glb"));
-    Ok(of_dataset.filter(|path| path.is_file()).or_else(beside).filter(|path| path.is_file()))
+    let of_dataset = dataset.and_then(|dataset| Some((dataset, dataset.config.geometry.as_ref()?)));
+    match of_dataset.filter(|(dataset, file)| dataset.path(file).is_file()) {
+        Some((dataset, file)) => dataset.verified(file).map(Some),
+        None => Ok(Some(folder.join("scene.glb")).filter(|path| path.is_file())),
+    }
 }
 
 /// What tells that a bundle is not of a dataset: its scene, or the sizes of its pages.

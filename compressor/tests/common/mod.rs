@@ -11,6 +11,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+pub mod court;
+
 /// Frames around the switches of lamps that are on 18:00–06:00.
 pub const HOURS: [f64; 6] = [0.0, 5.9, 6.0, 12.0, 18.0, 18.1];
 

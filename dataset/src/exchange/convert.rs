@@ -105,14 +105,14 @@ fn share(light: Lights, frames: usize) -> Layer {
 /// Digest of all texels.
 fn digest(pages: &[Page], frames: &[Frame], layers: &[Layer]) -> String {
     let mut hasher = blake3::Hasher::new();
-    pages.iter().for_each(|page| _ = hasher.update(page.mask.blake3.as_bytes()));
+    pages.iter().for_each(|page| _ = hasher.update(page.mask.blake3.to_string().as_bytes()));
     for (number, frame) in frames.iter().enumerate() {
         for (page, map) in frame.maps.iter().enumerate() {
-            hasher.update(map.blake3.as_bytes());
+            hasher.update(map.blake3.to_string().as_bytes());
             // Black shares and those not known are alike.
             for share in 0..3 {
                 let file = layers.get(share).and_then(|layer: &Layer| layer.file(number, page));
-                hasher.update(file.map_or("-", |file| &file.blake3).as_bytes());
+                hasher.update(file.map_or("-".to_owned(), |file| file.blake3.to_string()).as_bytes());
             }
         }
     }

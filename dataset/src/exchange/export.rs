@@ -151,7 +151,7 @@ fn check_contents(dataset: &Dataset, hours: &[f64], layout: &dyn Layout) -> Resu
     files.retain(|file| seen.insert(&file.path));
     files.par_iter().try_for_each(|file| {
         crate::signals::stop_if_interrupted()?;
-        dataset.check_content(file)
+        dataset.verified(file).map(drop)
     })
 }
 

@@ -34,9 +34,8 @@ pub(super) fn kept(
     if wanted.is_some_and(|wanted| wanted.name() != layout) {
         return Ok(None);
     }
-    let path = dataset.path(file);
+    let path = dataset.verified(file)?;
     let bytes = read_config(&path)?;
-    dataset.check_content(file)?;
     let layout = layout::named(layout);
     let layout = layout.ok_or_else(|| Error::invalid(path.display(), "EXR files have no configuration"))?;
     let config = &dataset.config;

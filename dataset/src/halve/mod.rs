@@ -11,6 +11,7 @@ mod places;
 mod sunlight;
 
 use crate::config::{Config, FileRef, Page, SunVisibility, VERSION};
+use crate::digest::Digest;
 use crate::files::NewFolder;
 use crate::observe::{Meter, Observer};
 use crate::signals::stop_if_interrupted;
@@ -46,7 +47,7 @@ pub fn halve(dataset: &Dataset, out: &Path, console: &dyn Observer) -> Result<Co
 
 /// The [`Config::inputs`] of what [`halve`] makes of a dataset: a digest of all that decides its files.
 pub fn halved_inputs(config: &Config) -> String {
-    let files: Vec<&str> = references(config).map(|file| &*file.blake3).collect();
+    let files: Vec<Digest> = references(config).map(|file| file.blake3).collect();
     let all = json!([GENERATOR, config.inputs, config.digest_of_light(), files]).to_string();
     blake3::hash(all.as_bytes()).to_hex().to_string()
 }
@@ -141,9 +142,7 @@ fn geometry(dataset: &Dataset, writer: &mut Writer, file: &FileRef) -> Result<Fi
 /// The bytes of a file, its checksum checked.
 fn read(dataset: &Dataset, file: &FileRef) -> Result<Vec<u8>> {
     stop_if_interrupted()?;
-    dataset.check_content(file)?;
-    let path = dataset.path(file);
-    std::fs::read(&path).map_err(Error::io(&path))
+    dataset.read(file)
 }
 
 /// The number of files that a manifest names, and their bytes, each counted once.

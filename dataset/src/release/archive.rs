@@ -4,6 +4,7 @@
 use super::MAX_TEXT_BYTES;
 use super::sums::Summed;
 use crate::config::FileRef;
+use crate::digest::Digest;
 use crate::files::is_component;
 use crate::observe::Meter;
 use crate::signals::stop_if_interrupted;
@@ -86,14 +87,12 @@ fn pack_into(out: &Path, sink: impl Write, members: &[Member], progress: &dyn Me
         let packed = FileRef {
             path: member.path.clone(),
             bytes: source.hasher.count(),
-            blake3: source.hasher.finalize().to_hex().to_string(),
+            blake3: source.hasher.finalize().into(),
         };
         let changed = packed.bytes != bytes || known.is_some_and(|known| known.blake3 != packed.blake3);
         if changed {
-            return Err(Error::invalid(
-                place.display(),
-                "the file changed while it was packed; run the command again",
-            ));
+            let what = "the file changed while it was packed; run the command again";
+            return Err(Error::unready(place.display(), what));
         }
         files.push(packed);
     }
@@ -197,7 +196,7 @@ fn entries(
         if hasher.count() != expected.bytes {
             return Err(damaged(io::ErrorKind::UnexpectedEof.into()));
         }
-        if hasher.finalize().to_hex().as_str() != expected.blake3 {
+        if Digest::from(hasher.finalize()) != expected.blake3 {
             faults.push(wrong(format!("the content is not that of {}", super::MANIFEST)));
         }
     }

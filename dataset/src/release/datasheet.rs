@@ -91,7 +91,8 @@ fn contents(text: &mut String, config: &Config, files: &Files) {
     let _ = writeln!(
         text,
         "\n`sha256sum -c --ignore-missing {SUMS}` verifies the downloaded files; `zstd -dc FILE | tar -x` or `tar --zstd -xf FILE` \
-         unpacks an archive. The archive of lightmaps can be used alone, for example with `{READER}` (Python with numpy and OpenEXR)."
+         unpacks an archive. The archive of lightmaps can be used alone, for example with `{READER}` \
+         and `blake3_numpy.py` (Python with numpy and OpenEXR)."
     );
     if layered {
         let _ = writeln!(

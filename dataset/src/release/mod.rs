@@ -22,6 +22,11 @@ pub const MANIFEST: &str = "release.json";
 pub const SUMS: &str = "SHA256SUMS";
 /// The reader that comes with a release.
 pub const READER: &str = "read_dataset.py";
+/// It, and what it verifies checksums with.
+const READERS: [(&str, &[u8]); 2] = [
+    (READER, include_bytes!("../../python/read_dataset.py")),
+    ("blake3_numpy.py", include_bytes!("../../python/blake3_numpy.py")),
+];
 /// The value of [`Manifest::format`].
 const FORMAT: &str = "temporal-lightmap-release";
 /// The version of the manifest that is written, and the largest that is read.

@@ -1,10 +1,10 @@
 //! Packages datasets into a release folder.
 
 use super::archive::{Content, Member, pack};
-use super::bundle::expect_light;
+use super::bundle::expect_whole;
 use super::datasheet::{Files, datasheet};
 use super::parts::{LAYERS, split, without_layers};
-use super::{Archive, FORMAT, MANIFEST, Manifest, READER, SUMS, Scene, VERSION, sums};
+use super::{Archive, FORMAT, MANIFEST, Manifest, READERS, SUMS, Scene, VERSION, sums};
 use crate::config::hours_apart;
 use crate::exchange::export;
 use crate::files::{NewFolder, json, remove_folder, write_atomically, write_atomically_with};
@@ -87,8 +87,9 @@ pub fn release(
     }
     drop(progress);
 
-    let reader = include_bytes!("../../python/read_dataset.py");
-    write_atomically(&root.join(READER), reader)?;
+    for (name, program) in READERS {
+        write_atomically(&root.join(name), program)?;
+    }
     let omitted = scenes.iter().flat_map(|(_, omitted)| omitted.clone()).collect();
     let manifest = Manifest {
         format: FORMAT.to_owned(),
@@ -264,7 +265,7 @@ fn copy_bundles(dataset: &Dataset, root: &Path) -> Result<Vec<(String, u64)>> {
     let mut bundles = Vec::new();
     for (name, path) in found {
         expect_free(root, &name)?;
-        expect_light(&path, &dataset.config.digest_of_light())?;
+        expect_whole(&path, &dataset.config.digest_of_light())?;
         let mut source = File::open(&path).map_err(Error::io(&path))?;
         let copied = write_atomically_with(&root.join(&name), |out| io::copy(&mut source, out).map(drop));
         stop_if_interrupted()?;

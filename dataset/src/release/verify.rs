@@ -1,7 +1,7 @@
 //! Verifies every byte of a release without unpacking it to disk and without trusting it.
 
 use super::archive::{Examined, examine};
-use super::bundle::expect_light;
+use super::bundle::expect_whole;
 use super::parts::LAYERS;
 use super::{FORMAT, MANIFEST, MAX_TEXT_BYTES, Manifest, SUMS, Scene, VERSION, sums};
 use crate::config::FileRef;
@@ -159,12 +159,7 @@ fn incomplete(folder: &Path, scene: &Scene, kept: &BTreeMap<String, Vec<u8>>) ->
         let what = format!("scene {:?}; expected a name that can be a folder's", scene.scene);
         return vec![Error::invalid(folder.join(MANIFEST).display(), what)];
     }
-    let held: BTreeSet<(&str, u64, &str)> = scene
-        .archives
-        .iter()
-        .flat_map(|archive| &archive.files)
-        .map(|file| (&*file.path, file.bytes, &*file.blake3))
-        .collect();
+    let held: BTreeSet<&FileRef> = scene.archives.iter().flat_map(|archive| &archive.files).collect();
     for name in [store::MANIFEST, LAYERS] {
         let path = format!("{}/{name}", scene.scene);
         let Some(bytes) = kept.get(&path) else {
@@ -182,11 +177,11 @@ fn incomplete(folder: &Path, scene: &Scene, kept: &BTreeMap<String, Vec<u8>>) ->
                     let bundles =
                         scene.bundles.iter().filter(|name| is_component(name)).map(|name| folder.join(name));
                     let there = bundles.filter(|bundle| bundle.is_file());
-                    faults.extend(there.filter_map(|bundle| expect_light(&bundle, &digest).err()));
+                    faults.extend(there.filter_map(|bundle| expect_whole(&bundle, &digest).err()));
                 }
                 for file in store::references(&config) {
-                    let place = format!("{}/{}", scene.scene, file.path);
-                    if !held.contains(&(&*place, file.bytes, &*file.blake3)) {
+                    let packed = FileRef { path: format!("{}/{}", scene.scene, file.path), ..file.clone() };
+                    if !held.contains(&packed) {
                         faults.push(Error::invalid(
                             &path,
                             format!("{:?} is in no archive as it says", file.path),

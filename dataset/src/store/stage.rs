@@ -2,9 +2,10 @@
 
 use super::{DATA, HASH_DIGITS, Writer, content_hash, plain_stem};
 use crate::config::FileRef;
+use crate::digest::Digest;
 use crate::{Error, Result, files, image};
 use std::fs::{self, File};
-use std::io::{BufReader, BufWriter, Seek};
+use std::io::{BufWriter, Seek};
 use std::path::{Path, PathBuf};
 
 /// A file that is written but has no name in the dataset yet; dropped, it is removed.
@@ -12,7 +13,7 @@ use std::path::{Path, PathBuf};
 pub struct Staged {
     temporary: PathBuf,
     bytes: u64,
-    blake3: String,
+    blake3: Digest,
 }
 
 impl Drop for Staged {
@@ -32,16 +33,13 @@ impl Writer {
         let io = || Error::io(&temporary);
         let file = File::options().read(true).write(true).create_new(true).open(&temporary).map_err(io())?;
         // From here on the file goes with the value.
-        let mut staged = Staged { temporary: temporary.clone(), bytes: 0, blake3: String::new() };
+        let mut staged = Staged { temporary: temporary.clone(), bytes: 0, blake3: Digest::of(&[]) };
         let mut out = BufWriter::with_capacity(1 << 16, &file);
         write(&temporary, &mut out)?;
         out.into_inner().map_err(|error| Error::io(&temporary)(error.into_error()))?;
         file.sync_all().map_err(io())?;
         (&file).rewind().map_err(io())?;
-        let mut hasher = blake3::Hasher::new();
-        hasher.update_reader(BufReader::new(&file)).map_err(io())?;
-        staged.bytes = hasher.count();
-        staged.blake3 = hasher.finalize().to_hex().to_string();
+        (staged.blake3, staged.bytes) = Digest::read(&file).map_err(io())?;
         Ok(staged)
     }
 
@@ -68,7 +66,7 @@ impl Writer {
         if let Some(known) = self.added.get(&staged.blake3) {
             return Ok(known.clone());
         }
-        let path = format!("{DATA}/{}-{}.{extension}", plain_stem(stem), &staged.blake3[..HASH_DIGITS]);
+        let path = format!("{DATA}/{}-{}.{extension}", plain_stem(stem), staged.blake3.first(HASH_DIGITS));
         let on_disk = self.root.join(&path);
         if staged.bytes == 0 || content_hash(&path).is_none() {
             return Err(no_content(&on_disk));
@@ -78,8 +76,8 @@ impl Writer {
             fs::rename(&staged.temporary, &on_disk).map_err(Error::io(&on_disk))?;
             files::sync_folder_of(&on_disk);
         }
-        let file = FileRef { path, bytes: staged.bytes, blake3: staged.blake3.clone() };
-        self.added.insert(file.blake3.clone(), file.clone());
+        let file = FileRef { path, bytes: staged.bytes, blake3: staged.blake3 };
+        self.added.insert(file.blake3, file.clone());
         Ok(file)
     }
 }
@@ -87,10 +85,8 @@ impl Writer {
 /// Whether a file has the content of a staged one.
 fn has_digest(path: &Path, staged: &Staged) -> bool {
     let is_as_long = fs::metadata(path).is_ok_and(|metadata| metadata.len() == staged.bytes);
-    let mut hasher = blake3::Hasher::new();
-    is_as_long
-        && File::open(path).is_ok_and(|file| hasher.update_reader(file).is_ok())
-        && hasher.finalize().to_hex().as_str() == staged.blake3
+    let digest = || Digest::read(File::open(path)?);
+    is_as_long && digest().is_ok_and(|(digest, _)| digest == staged.blake3)
 }
 
 /// What cannot be a file of a dataset.

@@ -55,8 +55,7 @@ impl Dataset {
     /// Those of [`SunPath::read`].
     pub fn sun_path(&self) -> Result<Option<SunPath>> {
         let Some(file) = &self.config.sun_path else { return Ok(None) };
-        self.check_content(file)?;
-        SunPath::read(&self.path(file)).map(Some)
+        SunPath::read(&self.verified(file)?).map(Some)
     }
 
     /// What the sun's direct light on a page is made of, if the dataset has it: sizes and checksums checked.
@@ -80,8 +79,7 @@ impl Dataset {
     }
 
     fn visibility(&self, file: &FileRef, page: usize) -> Result<Visibility> {
-        self.check_content(file)?;
-        let path = self.path(file);
+        let path = self.verified(file)?;
         let visibility = Visibility::open(&path)?;
         let [width, height] = visibility.size.map(|side| side as usize);
         check::size(&path, (width, height), &self.config.pages[page])?;
@@ -89,8 +87,7 @@ impl Dataset {
     }
 
     fn normals(&self, file: &FileRef, page: usize) -> Result<Normals> {
-        self.check_content(file)?;
-        let path = self.path(file);
+        let path = self.verified(file)?;
         let normals = Normals::read_png(&path)?;
         check::size(&path, (normals.width, normals.height), &self.config.pages[page])?;
         Ok(normals)

@@ -217,9 +217,7 @@ impl View {
 /// The geometry of a dataset that has it.
 fn read(dataset: &Dataset) -> Result<Option<Model>> {
     let Some(file) = &dataset.config.geometry else { return Ok(None) };
-    let path = dataset.path(file);
-    let bytes = std::fs::read(&path).map_err(crate::Error::io(&path))?;
-    model::read(&path, &bytes, &dataset.config).map(Some)
+    model::read(&dataset.path(file), &dataset.read(file)?, &dataset.config).map(Some)
 }
 
 /// The cameras of a scene: of the scene file, which the manifest keeps, then of the geometry file.

@@ -127,6 +127,8 @@ pub(super) fn check_start(start: &[u8], file_bytes: u64, name: &str) -> Result<u
 pub(super) struct Read {
     pub header: Header,
     pub index: Vec<Entry>,
+    /// Sections of streams that are not known.
+    pub unknown: Vec<Part>,
     /// The resident block's place and checksum; `None` before version 4.
     pub resident: Option<Part>,
 }
@@ -224,9 +226,10 @@ pub(super) fn decode(bytes: &[u8], file_bytes: u64, name: &str) -> Result<Read> 
     let shadows = kinds_of_streams.contains(&SHADOWS);
     let header = Header { scene, info, pages: grids, kinds, groups: names, timeline, sun, shadows };
     check(&header).map_err(wrong)?;
+    let mut unknown = Vec::new();
     let (index, resident) = match is_old {
         true => (decode_index3(&mut cursor, &header, file_bytes)?, None),
-        false => decode_index(&mut cursor, &header, &kinds_of_streams, sum, file_bytes)
+        false => decode_index(&mut cursor, &header, &kinds_of_streams, sum, file_bytes, &mut unknown)
             .map(|(index, resident)| (index, Some(resident)))?,
     };
     if cursor.bytes.len() - cursor.at >= ALIGN || cursor.bytes[cursor.at..].iter().any(|&byte| byte != 0) {
@@ -235,7 +238,7 @@ pub(super) fn decode(bytes: &[u8], file_bytes: u64, name: &str) -> Result<Read> 
             cursor.at
         )));
     }
-    Ok(Read { header, index, resident })
+    Ok(Read { header, index, unknown, resident })
 }
 
 /// The index: payloads lie one after another behind the resident block, each a section per stream, and end
@@ -246,6 +249,7 @@ fn decode_index(
     streams: &[u32],
     checksum: u64,
     file_bytes: u64,
+    unknown: &mut Vec<Part>,
 ) -> Result<(Vec<Entry>, Part)> {
     let line = ENTRY + SECTION * streams.len();
     cursor.has(header.tiles(), line, "tiles")?;
@@ -291,7 +295,7 @@ fn decode_index(
                 }
                 SUN => entry.sun = part,
                 SHADOWS => entry.shadows = part,
-                _ => {}
+                _ => unknown.push(part),
             }
             end += u64::from(length);
         }

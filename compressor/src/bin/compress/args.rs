@@ -6,7 +6,7 @@ use compressor::Result;
 use compressor::compress::{PRESETS, Preset, Shard};
 use compressor::lanes::Tier;
 use compressor::model::{PROFILES, Profile};
-use dataset::console::ConsoleArgs;
+use dataset::console::{ConsoleArgs, refuse_arguments_not_utf8};
 use dataset::typed::hour;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -423,6 +423,7 @@ fn parse_positive(text: &str) -> Result<f64, String> {
 
 /// Parses the command line; exits if it is invalid or asks for help.
 pub fn parse() -> Cli {
+    refuse_arguments_not_utf8::<Cli>();
     refuse_misspelt::<Cli>("a dataset's folder");
     Cli::parse()
 }

@@ -27,8 +27,7 @@ fn contents(bundle: &Bundle) -> Vec<serde_json::Value> {
 pub fn info(path: PathBuf, console: &Console) -> Result<()> {
     let bundle = open(&path)?;
     let header = &bundle.header;
-    // Read all tiles, so that damage is reported.
-    header.places().try_for_each(|place| bundle.tile(place).map(drop)).map_err(of_bundle)?;
+    bundle.verify().map_err(of_bundle)?;
     let held = header
         .places()
         .map(|place| bundle.bytes_held_of_sun(place))

@@ -7,7 +7,7 @@ mod release;
 
 use clap::{Parser, Subcommand};
 use dataset::config::{Config, Daylight, Layer};
-use dataset::console::{Console, ConsoleArgs, catch_interrupts, fail};
+use dataset::console::{Console, ConsoleArgs, catch_interrupts, fail, refuse_arguments_not_utf8};
 use dataset::exchange::lightmaps_of;
 use dataset::halve::extent;
 use dataset::image::Mask;
@@ -35,7 +35,10 @@ Examples:
   dataset export dataset/yard --layout hprc1 --out yard-hprc1
   dataset halve dataset/yard --out dataset/yard-1    half the resolution: a coarser level for virtual texturing
   dataset release dataset/yard dataset/city --cc0 --out release
-  dataset verify release               every checksum and all archives"
+  dataset verify release               every checksum and all archives
+
+Exit codes: 0 success; 1 a fault or other invalid input, 2 an invalid command line: do not retry; 75 retry later (the disk is full, a file
+server is away, a file changed while it was packed); 143, 130, 129 ended by SIGTERM, Ctrl-C, a closed terminal."
 )]
 pub(crate) struct Arguments {
     #[command(subcommand)]
@@ -158,6 +161,7 @@ Examples:
 }
 
 fn main() -> ExitCode {
+    refuse_arguments_not_utf8::<Arguments>();
     let arguments = Arguments::parse();
     catch_interrupts();
     let console = Console::new(arguments.console);
@@ -309,7 +313,7 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
 /// any.
 fn visibility_of(dataset: &Dataset) -> Result<Option<(f64, usize, u64)>> {
     let Some(visibility) = &dataset.config.visibility else { return Ok(None) };
-    let opened = Visibility::open(&dataset.path(&visibility.files[0]))?;
+    let opened = Visibility::open(&dataset.verified(&visibility.files[0])?)?;
     let bytes = visibility.references().map(|file| file.bytes).sum();
     Ok(Some((visibility.minutes, opened.hours.len(), bytes)))
 }
@@ -366,7 +370,12 @@ fn check(console: &Console, folder: &Path) -> Result<ExitCode> {
         "dead_texels": verification.dead_texels,
         "seconds": start.elapsed().as_secs_f64(),
     }))?;
-    Ok(if ok { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    Ok(exit_code(&verification.faults))
+}
+
+/// 75 if all faults can go away by themselves, such as those of a file server that is away.
+pub(crate) fn exit_code(faults: &[Error]) -> ExitCode {
+    ExitCode::from(faults.iter().map(Error::exit_code).min().unwrap_or(0))
 }
 
 /// The name of a layer's light group.

@@ -80,5 +80,5 @@ pub fn verify_release(console: &Console, folder: &Path) -> Result<ExitCode> {
         "bytes": verified.bytes,
         "seconds": start.elapsed().as_secs_f64(),
     }))?;
-    Ok(if ok { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    Ok(super::exit_code(&verified.faults))
 }
