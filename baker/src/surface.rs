@@ -1,6 +1,7 @@
 //! Texels as pieces of surface: which parts of which triangles a texel covers, and points on them.
 
 use crate::atlas::Atlas;
+use crate::atlas::raster::{TOLERANCE, x_interval};
 use crate::geometry::Geometry;
 use glam::{DVec2, DVec3, Vec2, Vec3, dvec2, dvec3};
 
@@ -116,13 +117,17 @@ impl BlockSurface {
             let corners = atlas.faces[face as usize].corners;
             let low = corners[0].min(corners[1]).min(corners[2]);
             let high = corners[0].max(corners[1]).max(corners[2]);
-            let range = |low: f32, high: f32, from: usize, n: usize| {
-                let first = (low.floor().max(from as f32) as usize).max(from);
+            let range = |low: f64, high: f64, from: usize, n: usize| {
+                let first = (low.floor().max(from as f64) as usize).max(from);
                 first..((high.floor() + 1.0).max(0.0) as usize).min(from + n)
             };
-            for y in range(low.y, high.y, y0, height) {
-                for x in range(low.x, high.x, x0, width) {
-                    let polygon = clip(&corners.map(DVec2::from), dvec2(x as f64, y as f64));
+            let corners = corners.map(DVec2::from);
+            for y in range(low.y.into(), high.y.into(), y0, height) {
+                // A long sliver meets few texels of its box.
+                let band = (y as f64 - TOLERANCE, (y + 1) as f64 + TOLERANCE);
+                let Some((left, right)) = x_interval(corners, band) else { continue };
+                for x in range(left - TOLERANCE, right + TOLERANCE, x0, width) {
+                    let polygon = clip(&corners, dvec2(x as f64, y as f64));
                     for i in 2..polygon.len {
                         let corners = [polygon.points[0], polygon.points[i - 1], polygon.points[i]];
                         let area = (corners[1] - corners[0]).perp_dot(corners[2] - corners[0]).abs() * 0.5;

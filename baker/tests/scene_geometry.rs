@@ -81,7 +81,7 @@ fn instances_of_one_mesh_with_one_look_share_its_number() {
     fs::write(folder.path().join("cube.obj"), CUBE).unwrap();
     fs::write(folder.path().join("other.obj"), CUBE).unwrap();
     let text = "[[object]]\nfile = \"cube.obj\"\ninstances = [{}, { scale = [1, -2, 3], translate = [9, 0, 0] }]\n\
-                [[object]]\nfile = \"other.obj\"\n\
+                [[object]]\nfile = \"other.obj\"\ntranslate = [0, 0, 9]\n\
                 [[object]]\nfile = \"cube.obj\"\nalbedo = 0.25\n\
                 [[object]]\nfile = \"cube.obj\"\nlightmap = false\n\
                 [[object]]\nfile = \"cube.obj\"\ndensity = 2\ntranslate = [0, 9, 0]\n";
@@ -237,4 +237,55 @@ fn broken_objs_say_where() {
         let error = message(folder.path(), text);
         assert!(error.contains(expected), "expected: {expected}\n     got: {error}");
     }
+}
+
+#[test]
+fn copies_of_triangles_and_of_placed_meshes_are_told_and_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let corners = "v 0 0 0\nv 0 0 1\nv 1 0 1\nv 1 0 0\n";
+    let faces = "f 1 2 3 4\n".repeat(100) + "f 3 4 1 2\nf 4 3 2 1\n";
+    fs::write(folder.path().join("a.obj"), corners.to_owned() + &faces).unwrap();
+    let object = "[[object]]\nfile = \"a.obj\"\n";
+    let (g, warnings) = load(folder.path(), object).unwrap();
+    // One quad seen from above and one from below. (The turned quad may be cut along the other diagonal.)
+    assert!((4..=6).contains(&g.triangles.len()), "{}", g.triangles.len());
+    let told =
+        |warnings: &[String], what: &str| assert!(warnings.iter().any(|w| w.contains(what)), "{warnings:?}");
+    told(&warnings, "triangles): copies of other triangles of the mesh");
+    // The same mesh three times in one place, and once elsewhere.
+    let instances = "instances = [{}, {}, {}, { translate = [0, 0, 1e-3] }]\n";
+    let (g, warnings) = load(folder.path(), &(object.to_owned() + instances)).unwrap();
+    assert_eq!(g.instances.len(), 2);
+    told(&warnings, "2 placed meshes (a.obj");
+    // Panes dim the light again and again, but rays tell eight apart at most.
+    for (object, panes) in [("transmission = 0.5\n", 8), ("albedo = 0.2\n", 1)] {
+        let many = format!("[[object]]\nfile = \"a.obj\"\n{object}instances = [{}]\n", "{}, ".repeat(20));
+        assert_eq!(load(folder.path(), &many).unwrap().0.instances.len(), panes);
+    }
+}
+
+#[test]
+fn faces_that_cross_themselves_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let corners: String = (0..9).map(|i| format!("v {} 0 {}\n", i % 3, i / 3)).collect();
+    let indices: String = (0..5000u64).map(|i| format!(" {}", 1 + i * i * 7919 % 1009 % 9)).collect();
+    fs::write(folder.path().join("a.obj"), format!("{corners}f 1 4 5 2\nf{indices}\n")).unwrap();
+    let (g, warnings) = load(folder.path(), "[[object]]\nfile = \"a.obj\"\n").unwrap();
+    assert!(warnings.iter().any(|w| w.contains("(1 face): faces that cross themselves")), "{warnings:?}");
+    // Nine places have few triangles, each seen from two sides.
+    assert!(g.triangles.len() <= 2 * 84, "{}", g.triangles.len());
+}
+
+#[test]
+fn thousands_of_faces_about_one_edge_get_texels() {
+    use baker::atlas;
+    use baker::scene::Lightmap;
+    let folder = tempfile::tempdir().unwrap();
+    let pages: String =
+        (0..3000).map(|i| format!("v {} 0.5 {}\n", f64::from(i).cos(), f64::from(i).sin())).collect();
+    let faces: String = (0..3000).map(|i| format!("f 1 2 {}\n", i + 3)).collect();
+    fs::write(folder.path().join("a.obj"), format!("v 0 0 0\nv 0 1 0\n{pages}{faces}")).unwrap();
+    let (g, _) = load(folder.path(), "[[object]]\nfile = \"a.obj\"\n").unwrap();
+    let atlas = atlas::build(&g, &Lightmap::default()).unwrap();
+    assert_eq!(atlas.faces.len(), 3000);
 }

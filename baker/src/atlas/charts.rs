@@ -227,8 +227,13 @@ fn authored(geometry: &Geometry, sources: &[Source]) -> Result<Vec<Vec<FlatFace>
 /// smooth.
 const MOST_FACES: usize = 1 << 12;
 
+/// Pairs of vertices that xatlas may try when it looks for the neighbours of edges: for each side of a face
+/// all that lie where its ends do. Ordinary meshes have some tens per side; where thousands of faces meet in
+/// a point or along an edge, the pairs grow with the cube of the faces.
+const MOST_PAIRS: u64 = 1 << 22;
+
 /// Changes whenever the same triangles would come apart otherwise.
-const METHOD: &str = "unwrap-1";
+const METHOD: &str = "unwrap-2";
 
 /// Charts by xatlas, each scaled to its area in the world; what it leaves out or gets wrong lies flat
 /// triangle by triangle.
@@ -345,6 +350,32 @@ impl Mesh {
         Mesh { positions, normals, faces }
     }
 
+    /// The same where vertices in one place are one, if they are too many for xatlas. (It tells creases by
+    /// the vertices that lie there, so charts may go over some.)
+    fn bounded(self) -> Self {
+        let bits = |v: u32| self.positions[v as usize].to_array().map(|x| (x + 0.0).to_bits());
+        let mut order: Vec<u32> = (0..self.positions.len() as u32).collect();
+        order.sort_unstable_by_key(|&v| (bits(v), v));
+        let (mut first, mut count) = (vec![0u32; order.len()], vec![0u64; order.len()]);
+        for same in order.chunk_by(|&a, &b| bits(a) == bits(b)) {
+            same.iter().for_each(|&v| first[v as usize] = same[0]);
+            count[same[0] as usize] = same.len() as u64;
+        }
+        let at = |v: u32| count[first[v as usize] as usize];
+        let pairs: u64 =
+            self.faces.iter().map(|&[a, b, c]| at(a) * at(b) + at(b) * at(c) + at(c) * at(a)).sum();
+        if pairs <= MOST_PAIRS {
+            return self;
+        }
+        let kept: Vec<u32> = (0..).zip(&first).filter(|(v, first)| v == *first).map(|(v, _)| v).collect();
+        let local = |v: u32| kept.partition_point(|&other| other < first[v as usize]) as u32;
+        Mesh {
+            positions: kept.iter().map(|&v| self.positions[v as usize]).collect(),
+            normals: kept.iter().map(|&v| self.normals[v as usize]).collect(),
+            faces: self.faces.iter().map(|face| face.map(local)).collect(),
+        }
+    }
+
     /// Digest of all that decides its charts.
     fn key(&self) -> Key {
         let mut hash = blake3::Hasher::new();
@@ -368,7 +399,7 @@ fn unwrap(geometry: &Geometry, sources: &[Source]) -> Unwrap {
     let (centre, extent) = (0.5 * (low + high), (high - low).max_element());
     let mean_area = sources.iter().map(|s| s.area).sum::<f64>() / sources.len() as f64;
     let scale = mean_area.sqrt().recip().min(1e5 / extent);
-    let Mesh { positions, normals, faces } = Mesh::of(geometry, sources);
+    let Mesh { positions, normals, faces } = Mesh::of(geometry, sources).bounded();
     let positions: Vec<Vec3> =
         positions.iter().map(|p| ((p.as_dvec3() - centre) * scale).as_vec3()).collect();
     let Some(result) = ffi::unwrap(&positions, &normals, &faces) else { return unwrap };

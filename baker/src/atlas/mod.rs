@@ -10,7 +10,7 @@
 
 mod sharing;
 mod ffi;
-mod raster;
+pub(crate) mod raster;
 mod islands;
 pub mod unwraps;
 mod charts;

@@ -149,7 +149,7 @@ fn span(low: f64, high: f64, n: usize) -> Range<usize> {
 }
 
 /// The x-interval of a triangle within a horizontal band.
-fn x_interval(triangle: [DVec2; 3], (y0, y1): (f64, f64)) -> Option<(f64, f64)> {
+pub fn x_interval(triangle: [DVec2; 3], (y0, y1): (f64, f64)) -> Option<(f64, f64)> {
     let mut low = f64::INFINITY;
     let mut high = f64::NEG_INFINITY;
     let mut add = |x: f64| {

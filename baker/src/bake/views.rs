@@ -15,6 +15,9 @@ use std::collections::BTreeSet;
 /// Pixels of the picture that is looked at.
 const PICTURE: [u32; 2] = [480, 270];
 
+/// Cameras that are looked through at most: the first.
+const MOST_CAMERAS: usize = 16;
+
 /// The tiles of 128×128 texels that hold what a camera sees.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct View {
@@ -24,8 +27,8 @@ pub struct View {
     pub tiles: usize,
 }
 
-/// The views of these cameras, by a ray through the middle of every pixel. `tile_side`: the side of a tile in
-/// texels of the atlas.
+/// The views of the first of these cameras, by a ray through the middle of every pixel. `tile_side`: the side
+/// of a tile in texels of the atlas.
 pub fn views(
     cameras: &[Camera],
     geometry: &Geometry,
@@ -50,7 +53,7 @@ pub fn views(
         let tiles = rows.into_iter().flatten().collect::<BTreeSet<_>>().len();
         View { camera: camera.name.clone(), tiles }
     };
-    cameras.iter().map(view).collect()
+    cameras.iter().take(MOST_CAMERAS).map(view).collect()
 }
 
 /// Tiles of this side in texels that hold surface.
@@ -64,8 +67,13 @@ pub fn lit_tiles(atlas: &Atlas, side: usize) -> usize {
 /// The views in words; `None` of a scene without cameras.
 pub fn in_words(views: &[View], lit_tiles: usize) -> Option<String> {
     let named: Vec<String> = views.iter().map(|view| format!("{} {}", view.camera, view.tiles)).collect();
+    let which = if views.len() == MOST_CAMERAS {
+        format!("the first {MOST_CAMERAS} cameras")
+    } else {
+        "cameras".into()
+    };
     (!views.is_empty())
-        .then(|| format!("of {lit_tiles} tiles of {TILE} × {TILE} texels, cameras see: {}", named.join(", ")))
+        .then(|| format!("of {lit_tiles} tiles of {TILE} × {TILE} texels, {which} see: {}", named.join(", ")))
 }
 
 /// The tile of a point of a face.
@@ -126,6 +134,10 @@ mod tests {
         let seen: Vec<usize> =
             views(&cameras, &geometry, &atlas, TILE, &ray_tracer).iter().map(|view| view.tiles).collect();
         assert_eq!(seen, [1, 0, 4]);
+        let many = vec![camera(DVec3::ZERO); MOST_CAMERAS + 1];
+        let many = views(&many, &geometry, &atlas, TILE, &ray_tracer);
+        assert_eq!(many.len(), MOST_CAMERAS);
+        assert!(in_words(&many, 4).is_some_and(|words| words.contains("the first 16 cameras see")));
         assert_eq!(tile_of(&atlas, TILE, atlas.faces[0].corners, Vec3::Z), [1, 1]);
     }
 }

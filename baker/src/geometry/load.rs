@@ -8,7 +8,7 @@ use super::movable::{LeftOut, lamps_that_move, moving};
 use super::near::unmatched;
 use super::notes::{self, Notes};
 use super::originals::{self, File};
-use super::place::{Placed, Store, count, everything_moves, place, sources};
+use super::place::{Placed, Store, count, everything_moves, place, remove_copies, sources};
 use super::texture::TextureStore;
 use super::{Geometry, Instance, gltf, obj};
 use crate::scene::{Object, Scene};
@@ -87,6 +87,7 @@ pub fn load_with(scene: &Scene, warnings: &mut Vec<String>) -> Result<Geometry> 
     }
     let keeps_motion = motion_to_keep(scene, &models, &model_of, &objects, &mut notes);
     warnings.extend(notes.lines());
+    warnings.extend(remove_copies(&mut placed, &store.materials));
     let (file_lights, merged) = groups.finish(scene, lamps, warnings);
     warnings.append(&mut store.undefined);
     warnings.extend(store.warning(scene.bake.albedo_max));

@@ -5,6 +5,7 @@ mod notes;
 mod contents;
 mod names;
 mod motion;
+mod copies;
 mod model;
 mod movable;
 mod originals;

@@ -1,8 +1,10 @@
 //! What a geometry file holds, before it is placed in the scene; the same for OBJ and glTF.
 
 use super::contents::{Contents, FileLamp};
+use super::copies::{self, MOST_PANES};
 use super::motion::Motion;
 use super::names::{Names, Tree};
+use super::notes::{Notes, plural};
 use super::{Glass, LightmapPlace};
 use dataset::{Error, Result};
 use glam::{DMat3, DMat4, DVec3, Vec2, Vec3, Vec4};
@@ -177,9 +179,27 @@ pub(super) struct FileEmission {
 }
 
 impl Mesh {
-    /// Checks indices and that every used value is finite, drops triangles that name a vertex twice and
-    /// vertices that no triangle names; tells how many triangles it dropped. `place` names file and mesh.
-    pub fn finish(&mut self, place: &str) -> Result<usize> {
+    /// Digest of all that the baker reads of its surface, but what it is made of.
+    pub fn digest(&self) -> blake3::Hash {
+        let mut hash = blake3::Hasher::new();
+        hash.update(bytemuck::cast_slice(&self.origin.to_array()));
+        let mut add = |numbers: &[u8]| {
+            hash.update(&(numbers.len() as u64).to_le_bytes()).update(numbers);
+        };
+        add(bytemuck::cast_slice(&self.positions));
+        add(bytemuck::cast_slice(&self.normals));
+        add(bytemuck::cast_slice(&self.uvs));
+        add(bytemuck::cast_slice(&self.emission_uvs));
+        add(bytemuck::cast_slice(&self.lightmap_uvs));
+        add(bytemuck::cast_slice(&self.colours));
+        add(bytemuck::cast_slice(&self.triangles));
+        hash.finalize()
+    }
+
+    /// Checks indices and that every used value is finite, drops triangles with two corners in one place,
+    /// copies of others and vertices that no triangle names; tells how many triangles it dropped. `place`
+    /// names file and mesh; `is_glass`: copies dim the light, and as many stay as rays can meet.
+    pub(super) fn finish(&mut self, place: &str, is_glass: bool) -> Result<Dropped> {
         let count = self.positions.len();
         let mut new_from_old = vec![u32::MAX; count];
         let mut used = Vec::new();
@@ -192,8 +212,12 @@ impl Mesh {
             }
         }
         let all = self.triangles.len();
-        self.triangles.retain(|[a, b, c]| a != b && b != c && c != a);
-        let dropped = all - self.triangles.len();
+        let at = |v: u32| self.positions[v as usize];
+        let differ = |a: u32, b: u32| a != b && at(a) != at(b);
+        self.triangles.retain(|&[a, b, c]| differ(a, b) && differ(b, c) && differ(c, a));
+        let repeated = all - self.triangles.len();
+        let most = if is_glass { MOST_PANES } else { 1 };
+        let copies = copies::remove(self, most);
         for triangle in &mut self.triangles {
             for v in triangle {
                 let new = &mut new_from_old[*v as usize];
@@ -215,7 +239,26 @@ impl Mesh {
             attribute.bytes = used.iter().flat_map(|&v| attribute.of(v as usize)).copied().collect();
         }
         self.brightest = self.colours.iter().map(|c| c.truncate()).reduce(Vec3::max);
-        Ok(dropped)
+        Ok(Dropped { repeated, copies })
+    }
+}
+
+/// Triangles that [`Mesh::finish`] drops.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Dropped {
+    /// Those with two corners in one place.
+    pub repeated: usize,
+    /// Those that are the same as others.
+    pub copies: usize,
+}
+
+impl Dropped {
+    /// Notes the copies of a mesh.
+    pub fn note_copies(self, file: &str, mesh: &str, notes: &mut Notes) {
+        if self.copies > 0 {
+            let what = "copies of other triangles of the mesh change no light and are left out: merge double faces in the modeller";
+            notes.add(file, "mesh", format!("{mesh} ({})", plural(self.copies, "triangle")), what);
+        }
     }
 }
 

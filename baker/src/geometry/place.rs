@@ -1,6 +1,7 @@
 //! What stands where: the meshes of the objects at their places, under what the scene file overrides.
 
 use super::LightmapPlace;
+use super::copies::MOST_PANES;
 use super::lights::Groups;
 use super::model::{DEFAULT_ALBEDO, Mesh, Model, NodeMesh};
 use super::movable::LeftOut;
@@ -11,7 +12,7 @@ use super::texture::TextureStore;
 use crate::scene::Object;
 use dataset::Error;
 use glam::DMat4;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// A mesh at a place in the world.
 pub(super) struct Placed<'a> {
@@ -158,6 +159,43 @@ pub(super) fn place<'a>(
         }));
     }
     list.into_iter().map(|(placement, _, movable, ..)| (placement, movable)).collect()
+}
+
+/// Removes baked meshes that lie exactly where an equal one does, so that nothing differs, and gives the
+/// warning about them. Of panes, which all dim the light, as many stay as rays can meet.
+pub(super) fn remove_copies(placed: &mut Vec<Placed>, materials: &MaterialStore) -> Option<String> {
+    let mut counts: BTreeMap<_, usize> = BTreeMap::new();
+    let mut digests: BTreeMap<*const Mesh, blake3::Hash> = BTreeMap::new();
+    let mut removed = Vec::new();
+    placed.retain(|p| {
+        if p.movable {
+            return true;
+        }
+        let mesh = *digests.entry(p.mesh).or_insert_with(|| p.mesh.digest());
+        let place = match p.lightmap_place {
+            LightmapPlace::Unsaid => [0; 6],
+            LightmapPlace::Nowhere => [1; 6],
+            LightmapPlace::At { page, scale: [a, b], offset: [c, d] } => {
+                [2, page, a.to_bits(), b.to_bits(), c.to_bits(), d.to_bits()]
+            }
+        };
+        let numbers = p.world_from_mesh.to_cols_array().map(f64::to_bits);
+        let look = (p.material, p.recoloured, p.lightmap, p.density.to_bits());
+        let count = counts.entry((*mesh.as_bytes(), numbers, look, place)).or_default();
+        *count += 1;
+        let stays = *count <= if materials.is_glass(p.material) { MOST_PANES } else { 1 };
+        if !stays {
+            removed.push(p.name.clone());
+        }
+        stays
+    });
+    let n = removed.len();
+    (n > 0).then(|| {
+        let (those, names) = (notes::plural(n, "placed mesh"), notes::list(&removed, n));
+        format!(
+            "{those} ({names}): each lies exactly where an equal one does, changes no light and is left out"
+        )
+    })
 }
 
 /// Counts what moves among the placed meshes of an object: those of one node once.

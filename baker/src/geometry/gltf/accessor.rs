@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 /// More elements than a mesh with 32-bit indices can use.
 const MAX_COUNT: usize = 1 << 31;
 /// Without a view the elements cost no bytes in the file: a bound of its own.
-const MAX_COUNT_WITHOUT_VIEW: usize = 1 << 24;
+const MAX_COUNT_WITHOUT_VIEW: usize = 1 << 18;
 
 /// Bytes of the asset's buffers, in order, and of the views that are compressed.
 pub(super) struct Buffers<'a> {

@@ -47,6 +47,8 @@ pub(super) struct Uses {
     pub texture: Placement,
     pub emission: Option<Placement>,
     pub vt_is_lightmap: bool,
+    /// Whether light passes.
+    pub is_glass: bool,
 }
 
 impl Vertices {
@@ -183,6 +185,7 @@ pub(super) fn convert(
     }
     let (mut polygon, mut cut) = (Vec::new(), Vec::new());
     let mut rest = &vertex_of[..];
+    let mut crossed = 0;
     for &arity in &faces.arities {
         let (face, after) = rest.split_at(arity as usize);
         rest = after;
@@ -193,13 +196,18 @@ pub(super) fn convert(
         polygon.clear();
         polygon.extend(face.iter().map(|&v| positions[v as usize]));
         cut.clear();
-        triangulate(&polygon, &mut cut);
+        crossed += usize::from(!triangulate(&polygon, &mut cut));
         result.triangles.extend(cut.iter().map(|t| t.map(|i| face[i])));
     }
-    let dropped = result.finish(&place)?;
-    if dropped > 0 {
-        let what = "faces that name a vertex twice have no area and are left out";
-        notes.add(file, "mesh", format!("{name} ({})", plural(dropped, "triangle")), what);
+    if crossed > 0 {
+        let what = "faces that cross themselves or have no area are cut as fans, which may overlap: triangulate them in the modeller";
+        notes.add(file, "mesh", format!("{name} ({})", plural(crossed, "face")), what);
+    }
+    let dropped = result.finish(&place, uses.is_glass)?;
+    dropped.note_copies(file, name, notes);
+    if dropped.repeated > 0 {
+        let what = "faces that name a vertex twice, or two in one place, have no area and are left out";
+        notes.add(file, "mesh", format!("{name} ({})", plural(dropped.repeated, "triangle")), what);
     }
     Ok(result)
 }
