@@ -40,6 +40,8 @@ pub struct Assembler<'a> {
     buried_texels: usize,
     /// Covered texels that are not valid: no light reaches them.
     unlit_texels: usize,
+    /// Valid texels that no light reaches.
+    black_texels: usize,
 }
 
 /// The stored images of a bake.
@@ -70,6 +72,8 @@ pub struct Stored {
     pub buried_texels: usize,
     /// Texels taken out because no light reaches them in any layer.
     pub unlit_texels: usize,
+    /// Valid texels that no light reaches in any layer: it is found all around them.
+    pub black_texels: usize,
     /// Number of seam edges, and the jump across them before and after stitching, in the frame with most
     /// light.
     pub seams: Option<(usize, Jump, Jump)>,
@@ -137,7 +141,7 @@ impl<'a> Assembler<'a> {
         let owners = Owners::new(atlas);
         let parts = digests.iter().enumerate().map(|(layer, digest)| (digest, plan.parts_of(layer)));
         let valid = ValidTexels::find(atlas, &owners, &texels, layers, parts)?;
-        let ValidTexels { mask, light, buried, unlit } = valid;
+        let ValidTexels { mask, light, buried, unlit, black } = valid;
         let pieces = Pieces::of_texels(cell_map, mask.width, texels.iter().map(|texel| texel.index as usize));
         Ok(Assembler {
             plan,
@@ -151,6 +155,7 @@ impl<'a> Assembler<'a> {
             pieces,
             buried_texels: buried,
             unlit_texels: unlit,
+            black_texels: black,
         })
     }
 
@@ -375,6 +380,7 @@ impl<'a> Assembler<'a> {
             valid_texels: self.mask().count(),
             buried_texels: self.buried_texels,
             unlit_texels: self.unlit_texels,
+            black_texels: self.black_texels,
             seams: self.jumps(&errors)?,
             errors,
             local: (

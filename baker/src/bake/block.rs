@@ -1,7 +1,7 @@
 //! What works on blocks of texels: the points of their samples. (Which points are surface: `probe`. What
 //! light they get: `direct`, `indirect`.)
 
-use super::state::{ALL_PROBES, PROBES};
+use super::state::{ALL_PROBES, BlockState, PROBES};
 use crate::atlas::Atlas;
 use crate::surface::{BlockSurface, FaceBins, SurfacePoint};
 use crate::trace::counts::RayCounts;
@@ -9,6 +9,7 @@ use crate::trace::path::{Transport, point_pair};
 use crate::trace::sampler::{Sample, Sequence, SequenceKind};
 use crate::trace::space::Receiver;
 use glam::Vec2;
+use rayon::prelude::*;
 
 /// What a sequence of random numbers is for. Each comes in two halves, scrambled independently.
 #[derive(Clone, Copy, Debug)]
@@ -124,6 +125,31 @@ impl Worker<'_> {
     pub fn surface_point(&self, surface: &BlockSurface, texel: usize, probes: u16) -> Option<Receiver> {
         let at = |probe| self.transport.space.receiver(&self.probe_point(surface, texel, probe));
         indices(probes).find_map(at)
+    }
+
+    /// Per covered texel, whether its surface is closed in by two-sided bodies: all of a few points are. What
+    /// is not usable is not.
+    pub fn closed_in(
+        &self,
+        surface: &BlockSurface,
+        covered: &[usize],
+        state: &BlockState,
+        counts: &mut RayCounts,
+    ) -> Vec<bool> {
+        if !self.transport.space.geometry.materials.iter().any(|material| material.two_sided) {
+            return vec![false; covered.len()];
+        }
+        let of = |(i, &texel): (usize, &usize)| {
+            let mut counts = RayCounts::default();
+            let points = self.surface_points(surface, texel, state.probes[i]);
+            let is_closed_in = state.is_usable(i)
+                && !points.is_empty()
+                && points.iter().all(|at| self.transport.space.is_closed_in(at, &mut counts));
+            (is_closed_in, counts)
+        };
+        let found: Vec<(bool, RayCounts)> = covered.par_iter().enumerate().with_min_len(64).map(of).collect();
+        *counts += sum(found.iter().map(|(_, counts)| *counts));
+        found.into_iter().map(|(is_closed_in, _)| is_closed_in).collect()
     }
 
     /// The point of a texel's surface that is probed under a number.

@@ -200,6 +200,12 @@ pub fn of_bake(
             count(extras, "frame")
         ),
     ];
+    if stored.black_texels > 0 && plan.layers() > 0 {
+        facts.push(format!(
+            "{} valid, and black at every time: no sample found light there, but around them some did; more samples may",
+            count(stored.black_texels, "texel")
+        ));
+    }
     if let (added @ 1.., Some(after)) = (plan.extra_times.added.len(), plan.extra_times.error_after) {
         facts.push(format!(
             "{} besides, where light of sky and sun changes fast: interpolated linearly between the frames it errs by up to {}",

@@ -42,7 +42,11 @@ pub struct Texel {
     /// Its index on the page, row by row.
     pub index: u32,
     /// 1 where enough of its probed points are its surface, else 0.
-    pub usable: u16,
+    pub usable: u8,
+    /// 1 where its surface is closed in by two-sided bodies ([`Space::is_closed_in`]), else 0.
+    ///
+    /// [`Space::is_closed_in`]: crate::trace::space::Space::is_closed_in
+    pub closed_in: u8,
     /// The probed points that are its surface, a bit each.
     pub probes: u16,
 }
@@ -280,11 +284,12 @@ impl Layers {
             let surface = worker.surface(block);
             let covered: Vec<usize> = surface.covered().collect();
             let state = tracer.block_state(block, &surface, history, &mut rays)?;
+            let closed_in = worker.closed_in(&surface, &covered, &state, &mut rays);
             let mut stored: Vec<Vec<Stored>> = vec![Vec::with_capacity(covered.len()); parts.len()];
             for (i, &texel) in covered.iter().enumerate() {
                 let index = surface.page_index(worker.atlas, texel) as u32;
-                let (usable, probes) = (u16::from(state.is_usable(i)), state.probes[i]);
-                texels.push(Texel { index, usable, probes });
+                let (usable, closed_in) = (u8::from(state.is_usable(i)), u8::from(closed_in[i]));
+                texels.push(Texel { index, usable, closed_in, probes: state.probes[i] });
                 for half in 0..2 {
                     state.indirect(i, half, lights, &mut rest[half]);
                     direct[half].fill(Rgb::ZERO);

@@ -31,7 +31,7 @@ use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 /// Changes whenever the same scene would give other texels.
-const METHOD: &str = "paths-27";
+const METHOD: &str = "paths-28";
 
 /// A scene read and planned: what a bake would do.
 #[derive(Debug)]

@@ -25,6 +25,7 @@ pub mod counts;
 pub mod space;
 mod flush;
 pub mod clear;
+pub mod closed_in;
 mod pane;
 pub mod visibility_sampler;
 pub mod path;

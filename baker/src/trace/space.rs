@@ -112,14 +112,14 @@ impl<'a> Space<'a> {
 
     /// The normal, and directions close to the surface all around. Rays there count for no light: to leave
     /// out points by what they meet does not favour the light that reaches the others.
-    fn directions_around(at: &Receiver) -> [Vec3; DIRECTIONS] {
+    pub(super) fn directions_around(at: &Receiver) -> [Vec3; DIRECTIONS] {
         let (tangent, bitangent) = at.face_normal.any_orthonormal_pair();
         let aside = |side: Vec3| (side * GRAZING_SIN + at.face_normal * GRAZING_COS).normalize();
         [at.face_normal, aside(tangent), aside(bitangent), aside(-tangent), aside(-bitangent)]
     }
 
     /// What is met first in one of those directions: found once for each.
-    fn hit_in(
+    pub(super) fn hit_in(
         &self,
         at: &Receiver,
         k: usize,
@@ -145,7 +145,7 @@ impl<'a> Space<'a> {
 
     /// What is met at once with a hit: where a body stands against another (a wall under a ceiling), the back
     /// of one and the front of the other.
-    fn coincident_hit(
+    pub(super) fn coincident_hit(
         &self,
         at: &Receiver,
         direction: Vec3,

@@ -7,6 +7,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod bodies;
 mod emitters;
 mod errors;
 mod geometry;
