@@ -3,9 +3,9 @@
 #
 # Expected: with -kv ("keep source vertex attributes even if they aren't used"), TEXCOORD_1 comes out as it went in, up to
 # rounding to 16 bits. A lightmap is bound by the engine, so no material of the file refers to its coordinates.
-# Seen: range and offset of quantised texture coordinates are those of the coordinates that textures refer to. A material
-# without textures has none: all of its TEXCOORD_0 and TEXCOORD_1 become 0, are still there as accessors (so a program
-# that asks whether the attribute exists is told that it does), and gltfpack exits with 0 without a word.
+# Seen: gltfpack takes the range for quantising from the coordinates that textures refer to. A material without textures
+# has none, so its TEXCOORD_0 and TEXCOORD_1 all become 0. The accessors are still there, so programs believe that the
+# file has coordinates. gltfpack warns of nothing and exits with 0.
 # With -noq the coordinates stay.
 set -euo pipefail
 work=$(mktemp -d)

@@ -49,8 +49,8 @@ fn sphere([x, y, z]: [f64; 3], radius: f64) -> String {
 #[test]
 fn a_lamp_inside_a_solid_is_named_with_it() {
     let stage = room();
-    let told = "a lamp stands inside a closed body, which shuts the light in: the point of \"lamp\" at [0.05, 2, 0] in \"a.obj: \
-                bulb\". Move it out, open the body, or let it pass light (`transmission`)";
+    let told = "a lamp stands inside a closed body, so no light gets out: the point of \"lamp\" at [0.05, 2, 0] in \"a.obj: \
+                bulb\". Move the lamp, open the body, or let it pass light (`transmission`)";
     let inside = |part: &str, lamp: &str| warned(&stage, part, lamp).iter().filter(|w| *w == told).count();
     let two_sided = "[[object.part]]\nname = \"bulb\"\ntwo_sided = true";
     for part in ["", two_sided] {
@@ -76,14 +76,14 @@ fn a_sphere_larger_than_its_room_is_named() {
     let stage = room();
     let too_large = |lamp: &str| {
         let warnings = warned(&stage, "", lamp);
-        warnings.into_iter().find(|w| w.starts_with("a sphere is too large for where it stands"))
+        warnings.into_iter().find(|w| w.starts_with("a sphere is too large for its surroundings"))
     };
     let told = too_large(&sphere([0.0, 1.0, 0.0], 2.5)).unwrap();
     assert!(
         told.contains("the sphere of \"lamp\" at [0, 1, 0] (radius 2.5 m, reaching through \"a.obj: "),
         "{told}"
     );
-    assert!(told.contains("`radius` is in metres, and a bulb has about 0.03"), "{told}");
+    assert!(told.contains("Is the radius in metres? A bulb has about 0.03"), "{told}");
     // It holds the block, and stands free of the walls.
     let stage = Stage::new(&[(
         "a.obj",

@@ -126,7 +126,7 @@ fn a_roof_that_moves_shades_nothing() {
             false => assert!(light < 0.5, "{light}"),
         }
         let told = baked.outcome.skipped.iter().find(|line| line.contains("movable"));
-        let expected = "not baked, because movable: 1 object (a.gltf: lift/square/paint), 2 triangles";
+        let expected = "left out because they move: 1 mesh (a.gltf: lift/square/paint), 2 triangles";
         assert_eq!(told.map(String::as_str), moves.then_some(expected));
         assert!(baked.dataset.verify(|| {}).faults.is_empty());
     }
@@ -187,15 +187,15 @@ fn what_shines_and_moves_gives_no_light() {
     assert_eq!(groups, [("evening".to_owned(), 0), ("headlamp".to_owned(), 0)]);
     assert!(geometry.materials.iter().all(|material| material.emission.is_none()));
     for told in [
-        "\"evening\" has no light of what moves (glow)",
-        "\"headlamp\" has no light of what moves (headlamp)",
+        "\"evening\" lacks the light of lamps and materials that move (glow)",
+        "\"headlamp\" lacks the light of lamps and materials that move (headlamp)",
     ] {
         assert!(warnings.iter().any(|warning| warning.contains(told)), "{told}: {warnings:?}");
     }
     // A part may name a lamp alone, if it says whether that moves.
     let lamp = |keys: &str| load(&stage, &format!("{OBJECT}[[object.part]]\nname = \"headlamp\"\n{keys}\n"));
     assert!(lamp("movable = true").unwrap().0.iter().all(|(_, lamps)| *lamps == 0));
-    assert!(lamp("albedo = 0.5").map(|_| ()).unwrap_err().to_string().contains("is a lamp and no part"));
+    assert!(lamp("albedo = 0.5").map(|_| ()).unwrap_err().to_string().contains("is a lamp: to switch it"));
 }
 
 #[test]
@@ -214,15 +214,12 @@ fn parts_are_what_stands_below_a_name() {
     let error = load(&stage, &format!("{OBJECT}{}", part("roep", ""))).map(|_| ()).unwrap_err().to_string();
     let told = "scene.toml:4: part name = \"roep\": fits no node, mesh or material of ";
     assert!(
-        error.contains(told) && error.ends_with("near to it are node \"rope\" (of \"swing\")"),
+        error.contains(told) && error.ends_with("similar names: node \"rope\" (of \"swing\")"),
         "{error}"
     );
     let error =
         load(&stage, &format!("{OBJECT}{}", part("chimney", ""))).map(|_| ()).unwrap_err().to_string();
-    assert!(
-        error.contains("nothing in it has a name like this; it has 7 names: node \"fence\" (of \"yard\")"),
-        "{error}"
-    );
+    assert!(error.contains("no name is similar; it has 7 names: node \"fence\" (of \"yard\")"), "{error}");
 }
 
 #[test]

@@ -163,7 +163,7 @@ fn parts_override_what_their_names_fit() {
     let error =
         message(folder.path(), "[[object]]\nfile = \"tree.obj\"\n[[object.part]]\nname = \"leav*\"\n");
     assert!(error.contains("scene.toml:4: part name = \"leav*\": fits no node"), "{error}");
-    assert!(error.ends_with("near to it are mesh \"leaf.001\", mesh \"leaf.002\""), "{error}");
+    assert!(error.ends_with("similar names: mesh \"leaf.001\", mesh \"leaf.002\""), "{error}");
 }
 
 /// A PNG of 2 × 1 texels.

@@ -173,7 +173,7 @@ fn scale_instances_and_switching_off() {
     let (_, _, warnings) = load(&lanterns(), "[[group]]\nname = \"porch\"", "");
     assert!(
         warnings[1].contains(
-            "\"porch\" has no lamp and no emission (what shines in the files is called left, right, spot)"
+            "\"porch\" has no lamp and no emission (the lights of the files are called left, right, spot)"
         ),
         "{warnings:?}"
     );
@@ -412,7 +412,7 @@ fn a_part_with_the_name_of_a_lamp_is_pointed_to_groups() {
     };
     let told = error("le*t");
     assert!(
-        told.contains("\"left\" is a lamp and no part: a [[group]] with `lights = [\"le*t\"]`"),
+        told.contains("\"left\" is a lamp: to switch it, write a [[group]] with `lights = [\"le*t\"]`"),
         "{told}"
     );
     assert!(!error("nothing").contains("lamp"));

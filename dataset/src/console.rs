@@ -199,8 +199,7 @@ impl Drop for Progress {
 pub fn refuse_arguments_not_utf8<Cli: clap::CommandFactory>() {
     let text = |argument: std::ffi::OsString| argument.into_string().err();
     if let Some((number, argument)) = (0..).zip(std::env::args_os()).find_map(|(i, a)| Some((i, text(a)?))) {
-        let what =
-            format!("argument {number}, {argument:?}, is not UTF-8; expected a name in UTF-8: rename it");
+        let what = format!("argument {number}, {argument:?}, is not UTF-8; rename the file or folder");
         Cli::command().error(clap::error::ErrorKind::InvalidUtf8, what).exit();
     }
 }

@@ -250,8 +250,8 @@ pub fn build_from(
         return Err(Error::invalid(
             "lightmap",
             format!(
-                "nothing to bake, because all {} have `lightmap = false` or are glass that reflects nothing; leave it out of an [[object]], or \
-                 write an [[object.part]] with `lightmap = true` for what is to get texels",
+                "nothing to bake: no mesh gets texels ({}), because of `lightmap = false` or glass that reflects nothing. Remove \
+                 `lightmap = false`, or add an [[object.part]] with `lightmap = true`",
                 count(geometry.instances.len(), "instance")
             ),
         ));

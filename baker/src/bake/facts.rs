@@ -202,7 +202,7 @@ pub fn of_bake(
     ];
     if stored.black_texels > 0 && plan.layers() > 0 {
         facts.push(format!(
-            "{} valid, and black at every time: no sample found light there, but around them some did; more samples may",
+            "{} valid but black at every time: samples found light only around them; more samples may find it there too",
             count(stored.black_texels, "texel")
         ));
     }

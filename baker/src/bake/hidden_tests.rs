@@ -157,6 +157,16 @@ fn blocks_pressed_together_hide_what_they_share() {
 }
 
 #[test]
+fn a_box_whose_sides_are_modelled_twice_is_seen() {
+    // From outside and from inside, where each face lies in the plane of another that is turned round.
+    let both = Obj::default().block([0.0; 3], [1.0; 3]).room([0.0; 3], [1.0; 3]);
+    assert_eq!(both.hidden(), NONE);
+    // On a floor, whose part below it stays hidden by the lower side.
+    let both = Obj::default().floor().block([0.0; 3], [1.0; 3]).room([0.0; 3], [1.0; 3]);
+    assert!(both.hidden().iter().all(|triangle| !(2..6).contains(triangle)), "its upright sides");
+}
+
+#[test]
 fn sheets_are_hidden_by_what_they_face_and_not_by_what_they_turn_their_backs_on() {
     let sheet = |obj: Obj, y: f64, up: bool| {
         let (u, v) = (DVec3::X, DVec3::NEG_Z);

@@ -56,7 +56,7 @@ fn wrong_unit(scene: &Scene, geometry: &Geometry, texels_per_metre: f64) -> Opti
         () if length > longest => (format!("{:.0} km long", length / 1e3), "smaller"),
         () if length < shortest => (format!("{} mm long", density(length * 1e3)), "larger"),
         () if texels_per_metre > MOST_TEXELS_PER_METRE => {
-            (format!("{} m long", density(length)), "larger, or the `size` of [lightmap] a smaller one")
+            (format!("{} m long", density(length)), "larger, or the `size` of [lightmap] smaller")
         }
         () => return None,
     };
@@ -65,16 +65,16 @@ fn wrong_unit(scene: &Scene, geometry: &Geometry, texels_per_metre: f64) -> Opti
         object.world_from_file.iter().any(|of| (volume(of) - 1.0).abs() > 1e-6)
     };
     let place = match scene.objects.iter().find(is_scaled) {
-        Some(object) => format!("its object at {} has one", object.source_line),
-        None => "none has one; `bake new MODEL` guesses it".to_owned(),
+        Some(object) => format!("the object at {} sets a `scale`", object.source_line),
+        None => "no object sets a `scale`; `bake new MODEL` guesses it".to_owned(),
     };
     let texels = match texels_per_metre {
         100.0.. => format!("{texels_per_metre:.0}"),
         few => density(few),
     };
     Some(format!(
-        "the scene is {size}, with {texels} texels per metre. All lengths are in metres: does the `scale` of an [[object]] need to be \
-         {remedy} ({place})?"
+        "the scene is {size}, with {texels} texels per metre, and lengths are in metres: should the `scale` of an [[object]] be {remedy}? \
+         ({place})"
     ))
 }
 
@@ -102,18 +102,22 @@ fn shut_in(scene: &Scene, space: &Space) -> Vec<String> {
     }
     let mut warnings = Vec::new();
     if !inside.is_empty() {
-        let those = if inside.len() == 1 { "a lamp stands" } else { "lamps stand" };
+        let those = match inside.len() {
+            1 => "a lamp stands inside a closed body",
+            _ => "lamps stand inside closed bodies",
+        };
         warnings.push(format!(
-            "{those} inside a closed body, which shuts the light in: {}. Move it out, open the body, or let it pass light \
-             (`transmission`)",
+            "{those}, so no light gets out: {}. Move the lamp, open the body, or let it pass light (`transmission`)",
             listed(&inside)
         ));
     }
     if !large.is_empty() {
-        let those = if large.len() == 1 { "a sphere is" } else { "spheres are" };
+        let those = match large.len() {
+            1 => "a sphere is too large for its surroundings",
+            _ => "spheres are too large for their surroundings",
+        };
         warnings.push(format!(
-            "{those} too large for where it stands: {}. What is inside a sphere gets none of its light; `radius` is in metres, and a \
-             bulb has about 0.03",
+            "{those}: {}. Nothing inside a sphere gets its light. Is the radius in metres? A bulb has about 0.03",
             listed(&large)
         ));
     }

@@ -239,7 +239,7 @@ impl<'a> Groups<'a> {
         }
         for (group, names) in scene.groups.iter().zip(&moving).filter(|(_, names)| !names.is_empty()) {
             warnings.push(format!(
-                "light group {:?} has no light of what moves ({}): it is not baked, and the game has to add it; `movable = false` bakes it where it stands",
+                "light group {:?} lacks the light of lamps and materials that move ({}): the game has to add it, or `movable = false` bakes them where they stand",
                 group.name,
                 notes::list(names, names.len())
             ));
@@ -267,9 +267,9 @@ impl<'a> Groups<'a> {
                     ),
                     None if names.is_empty() => "nothing of the files shines".to_owned(),
                     None if near.is_empty() => {
-                        format!("what shines in the files is called {}", notes::list(&names, names.len()))
+                        format!("the lights of the files are called {}", notes::list(&names, names.len()))
                     }
-                    None => format!("near to its names shine {}", notes::list(&near, near.len())),
+                    None => format!("similar names of lights: {}", notes::list(&near, near.len())),
                 };
                 warnings.push(format!("group \"{}\" has no lamp and no emission ({have})", group.name));
             }

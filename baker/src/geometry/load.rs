@@ -73,8 +73,8 @@ pub fn load_with(scene: &Scene, warnings: &mut Vec<String>) -> Result<Geometry> 
         let lamps = if scene.lights.from_file { &lamps[..] } else { &[] };
         let (moving, carried) = moving(object, model, &meshes, lamps, matched);
         for name in carried {
-            let what = "is baked where it stands, below a joint of a movable mesh: animations in scene.glb move it; \
-                        `movable = true` leaves it out of the bake";
+            let what = "is baked, but a joint of a movable mesh carries it, so animations in scene.glb move it away from its baked \
+                        shadow; `movable = true` leaves it out of the bake";
             notes.add(&object.file.display().to_string(), "mesh", name, what);
         }
         objects.extend(object.world_from_file.iter().map(|&world_from_file| originals::Object {
@@ -155,7 +155,7 @@ fn motion_to_keep(
         };
         let lost = asset.motion.animations.iter().filter(|animation| !is_kept(animation)).count();
         if lost > 0 {
-            let what = "not played: everything stays where the nodes place it, and scene.glb has animations of `movable` nodes alone";
+            let what = "not played: everything stays where its nodes place it. scene.glb keeps only the animations of `movable` nodes";
             notes.add_line(&file, format!("{} {what}", notes::plural(lost, "animation")));
         }
         if let (true, Some(fault)) = (keeps, &asset.motion.fault) {

@@ -62,15 +62,12 @@ impl LeftOut {
     pub fn fact(&self) -> Option<String> {
         let of = |n: usize, noun: &str| (n > 0).then(|| plural(n, noun));
         let what: Vec<String> =
-            [of(self.objects, "object"), of(self.lamps, "lamp")].into_iter().flatten().collect();
+            [of(self.objects, "mesh"), of(self.lamps, "lamp")].into_iter().flatten().collect();
         let all = if self.names.len() < MOST_NAMED { self.names.len() } else { usize::MAX };
         (!what.is_empty()).then(|| {
-            format!(
-                "not baked, because movable: {} ({}), {}",
-                what.join(" and "),
-                list(&self.names, all),
-                plural(self.triangles, "triangle")
-            )
+            let triangles = of(self.triangles, "triangle").map_or(String::new(), |n| format!(", {n}"));
+            let (what, names) = (what.join(" and "), list(&self.names, all));
+            format!("left out because they move: {what} ({names}){triangles}")
         })
     }
 }

@@ -31,8 +31,8 @@ pub(super) fn unmatched(object: &Object, part: &Part, model: &Model) -> Error {
     let lamp = model.contents.lamps.iter().find(|lamp| fits(pattern, &lamp.name));
     let hint = lamp.map_or_else(String::new, |lamp| {
         format!(
-            "; {:?} is a lamp and no part: a [[group]] with `lights = [{pattern:?}]` has its light and says when it is on, \
-             and `movable = true` leaves it out of the bake",
+            "; {:?} is a lamp: to switch it, write a [[group]] with `lights = [{pattern:?}]`; to leave it out of the bake, set \
+             `movable = true`",
             lamp.name
         )
     });
@@ -65,19 +65,15 @@ pub(super) fn unmatched(object: &Object, part: &Part, model: &Model) -> Error {
     let have = if !near.is_empty() {
         let more = if near.len() > MOST { ", …" } else { "" };
         let near: Vec<String> = near.iter().take(MOST).map(|(_, named)| shown(named)).collect();
-        format!("near to it are {}{more}", near.join(", "))
+        format!("similar names: {}{more}", near.join(", "))
     } else if all.is_empty() {
-        "the file names nothing".to_owned()
+        "the file has no names".to_owned()
     } else {
         let some: Vec<String> = all.iter().take(MOST).map(shown).collect();
-        format!(
-            "nothing in it has a name like this; it has {}: {}",
-            plural(all.len(), "name"),
-            list(&some, all.len())
-        )
+        format!("no name is similar; it has {}: {}", plural(all.len(), "name"), list(&some, all.len()))
     };
     let what = format!(
-        "part name = {pattern:?}: fits no node, mesh or material of {}, nor any node above: {have}{hint}",
+        "part name = {pattern:?}: no node, mesh or material of {} has this name; {have}{hint}",
         object.file.display()
     );
     Error::invalid(&part.source_line, what)

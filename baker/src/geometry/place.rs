@@ -226,8 +226,8 @@ pub(super) fn sources(placed: &[Placed]) -> Vec<Source> {
 pub(super) fn everything_moves(placed: &[Placed]) -> Error {
     let names: Vec<&str> = placed.iter().map(|p| p.name.as_str()).collect();
     let what = format!(
-        "nothing is left to bake, because all {} move ({}): by `movable = true`, or \"movable\": true in the extras of a node; \
-         `movable = false` in an [[object]] or [[object.part]] bakes a mesh where it stands",
+        "nothing is left to bake: every mesh moves ({}: {}), by `movable = true` or by \"movable\": true in the extras of a node. To bake \
+         a mesh where it stands, set `movable = false` in its [[object]] or [[object.part]]",
         notes::plural(placed.len(), "mesh"),
         notes::list(&names, names.len())
     );

@@ -76,7 +76,7 @@ pub fn open(
     let warnings = match changed.is_empty() {
         true => Vec::new(),
         false => vec![format!(
-            "{} gives other light now than when {} was baked ({}): what is not baked shows the light as it is now",
+            "the light of {} has changed since {} was baked ({}): surfaces without texels are drawn in the new light",
             scene_file.display(),
             folder.display(),
             changed.join(", ")

@@ -142,7 +142,7 @@ fn look(
     }
     if !is_usual_length(longest) {
         warnings.push(format!(
-            "taken as {}, all is {longest:.3e} m long: set a `scale` that gives its size in metres",
+            "taken as {}, the models are {longest:.3e} m long: set a `scale` that gives their size in metres",
             unit.name
         ));
     }
@@ -211,8 +211,8 @@ fn guess_unit(files: &[PathBuf], sizes: &[Size], of_all: Size) -> Result<Unit> {
     let rest = files.iter().zip(sizes).filter(|(_, size)| size.contradiction(&unit).is_none());
     let rest: Vec<String> = rest.map(|(file, size)| format!("{} ({size})", file.display())).collect();
     let what = format!(
-        "the models seem to be in different units: {}, and {} in {}; expected one unit. If they have one, say which by `--unit {}`; \
-         else write the scene file for those of one unit, and add the others as [[object]] with a `scale` of their own",
+        "the models seem to be in different units: {}; {} in {}. If all are in one unit, name it with `--unit {}`. Otherwise run \
+         `bake new` on those of one unit, and add the others as [[object]] with their own `scale`",
         others.join(", "),
         if rest.is_empty() { "the others".to_owned() } else { rest.join(", ") },
         unit.name,
@@ -228,12 +228,11 @@ fn lying(file: &std::path::Path, up: Up, program: Option<&str>) -> Option<String
     match up {
         Up::Y => None,
         Up::PerhapsZ => Some(format!(
-            "{file}: it may lie on its side, its z axis pointing up{by}; if `bake preview` shows it so, take away the # of `rotate` in \
-             the scene file"
+            "{file}: it may lie on its side, with its z axis up{by}. If `bake preview` shows that, uncomment `rotate` in the scene file"
         )),
         Up::Z => Some(format!(
-            "{file}: its z axis points up, by its floors and its height{by}; the scene file turns it with `rotate = [-90, 0, 0]`: delete \
-             that line if `bake preview` shows it on its side"
+            "{file}: judging by its floors and height, its z axis points up{by}. The scene file turns it with `rotate = [-90, 0, 0]`: \
+             delete that line if `bake preview` shows the model on its side"
         )),
     }
 }

@@ -29,7 +29,7 @@ pub struct Options {
     /// called scene, model or untitled].
     #[arg(long, value_name = "FILE.toml")]
     pub out: Option<PathBuf>,
-    /// The unit of length of all models [default: guessed].
+    /// The unit of length of all models: metres, centimetres or millimetres [default: guessed].
     #[arg(long, value_name = "UNIT", value_parser = units::parse)]
     pub unit: Option<Unit>,
     /// Replace an existing file.
@@ -99,7 +99,7 @@ pub fn new(models: &[PathBuf], options: &Options, console: &dyn Observer) -> Res
         let more = if rest.is_empty() { String::new() } else { format!(" and {} more", rest.len()) };
         let shown = shown.join(", ");
         console.say(format!(
-            "  emission switched off, as it is hardly a lamp's: {shown}{more} (the file says why)"
+            "  emission switched off, because it is probably not a lamp: {shown}{more} (reasons in the file)"
         ));
     }
     let shown = out.display().to_string();

@@ -33,11 +33,9 @@ pub fn scene_file(found: &Found, name: Option<&str>, files: &[String]) -> String
     line("[sun]");
     if let Some(sun) = found.sun {
         line(
-            "# The model has a sun of its own. For that one at all hours, take away the # of the line below. (Its irradiance is in kilolux, if",
+            "# The model has its own sun. To use it at all hours, uncomment the next line. Its irradiance is in kilolux if the file's is in lux;",
         );
-        line(
-            "# the model is in lux. From Blender's lighting modes Unitless and Raw it has to be multiplied by 683.)",
-        );
+        line("# if Blender exported it as Unitless or Raw, multiply the irradiance by 683.");
         let (direction, irradiance) = (vector(sun.direction), vector(sun.irradiance));
         line(&format!("# track = [{{ hour = 0, direction = {direction}, irradiance = {irradiance} }}]"));
     }
@@ -95,7 +93,7 @@ fn object(found: &Found, model: &Model, file: &str, line: &mut impl FnMut(&str))
     match model.up {
         None => {}
         Some(Up::Z) => line(
-            "rotate = [-90, 0, 0] # its z axis seems to point up: turned, so that y does; without this line y is up as it is",
+            "rotate = [-90, 0, 0] # its z axis seems to point up, so the model is turned; delete this line if y already points up",
         ),
         Some(Up::Y | Up::PerhapsZ) => {
             line("# rotate = [-90, 0, 0] # for an OBJ whose z axis points up: if the model lies on its side")
@@ -111,9 +109,11 @@ fn switched_off(model: &Model, line: &mut impl FnMut(&str)) {
         line("");
         if i == 0 {
             line(
-                "# These materials emit light in the model, and hardly as lamps. They are switched off here; for one that is to shine,",
+                "# These materials emit light, but are probably not lamps, so they are switched off. To switch one on again,",
             );
-            line("# delete its three lines and add a [[group]] with its name, which says when it is `on`.");
+            line(
+                "# delete its three lines, and add a [[group]] with its name and the times when it is `on`.",
+            );
         }
         line("[[object.part]]");
         line(&format!("name = {}", quoted(&off.name)));
@@ -128,9 +128,9 @@ fn glowing(model: &Model, line: &mut impl FnMut(&str)) {
     }
     line("");
     line(
-        "# These parts are named like lamps, and the model says nothing of their light. To let one shine, take away the # of its lines and",
+        "# These parts are named like lamps, but the model gives them no light. To let one shine, uncomment its lines and",
     );
-    line("# of the group's below. `emission` is in kcd/m²: 2 is a bright lampshade, 20 a frosted bulb.");
+    line("# the group's below. `emission` is in kcd/m²: 2 is a bright lampshade, 20 a frosted bulb.");
     for name in &model.glowing {
         line("# [[object.part]]");
         line(&format!("# name = {}", quoted(name)));
@@ -145,11 +145,9 @@ fn units_of_lights(found: &Found, line: &mut impl FnMut(&str)) {
         return;
     }
     line("");
-    line(
-        "# Blender's export has lighting modes. For a model exported with Unitless or Raw, take away the # of both lines.",
-    );
+    line("# If Blender exported the model with lighting mode Unitless or Raw, uncomment both lines.");
     line("# [lights]");
-    line("# unit = \"unitless\" # or \"raw\"; \"standard\", Blender's default too, without these lines");
+    line("# unit = \"unitless\" # or \"raw\"; the default is \"standard\", as in Blender");
 }
 
 /// The emitters in the model.

@@ -1,5 +1,5 @@
-//! Emissive triangles that lie flush in other surfaces, as luminous panels in a ceiling do. Which of the two
-//! a path meets is a matter of rounding; it finds the emission with either.
+//! Emissive triangles flush with other surfaces, such as luminous panels in a ceiling. Rounding decides which
+//! of the two a path meets; either way the path finds the emission.
 
 use super::light_point::is_in_plane;
 use super::lights::Lights;

@@ -194,7 +194,8 @@ impl<'a> Space<'a> {
     }
 
     /// Whether along the normal and in four directions close to the surface an absorbing back is met, of a
-    /// material that counts.
+    /// material that counts, and one of them is met alone: a front lies in the plane of each where all sides
+    /// of a body are modelled twice, to be seen from both.
     fn is_surrounded_by_backs(
         &self,
         at: &Receiver,
@@ -205,15 +206,19 @@ impl<'a> Space<'a> {
         let is_back = |hit: &Hit, direction: Vec3| {
             self.is_absorbing_back(hit, direction) && counting(self.material(hit.triangle))
         };
-        Self::directions_around(at).into_iter().enumerate().all(|(k, direction)| {
-            let hit = self.hit_in(at, k, known_hits, counts);
-            hit.is_some_and(|hit| {
-                is_back(&hit, direction) || {
-                    let other = self.coincident_hit(at, direction, &hit, counts);
-                    other.is_some_and(|other| is_back(&other, direction))
-                }
-            })
-        })
+        let mut is_one_alone = false;
+        let is_all_around = Self::directions_around(at).into_iter().enumerate().all(|(k, direction)| {
+            let Some(hit) = self.hit_in(at, k, known_hits, counts) else { return false };
+            let is_first = is_back(&hit, direction);
+            if is_first && is_one_alone {
+                return true;
+            }
+            let other = self.coincident_hit(at, direction, &hit, counts);
+            let is_other = other.is_some_and(|other| is_back(&other, direction));
+            is_one_alone |= is_first && (other.is_none() || is_other);
+            is_first || is_other
+        });
+        is_all_around && is_one_alone
     }
 
     /// Whether nobody can see a point of a surface: it lies in a body, or another surface is pressed against

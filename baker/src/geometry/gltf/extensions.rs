@@ -229,7 +229,8 @@ pub(super) fn check(root: &Value, file: &str) -> Result<Option<String>> {
         told.push(format!("{} not read: {}", many(found.len()), found.join("; ")));
     }
     if !unknown.is_empty() {
-        let what = "surfaces and light that they add, move or hide are baked as if they were not there";
+        let what =
+            "they are ignored: what they add is not baked, and what they move or hide is baked unchanged";
         told.push(format!("{} not known: {} ({what})", many(unknown.len()), unknown.join(", ")));
     }
     Ok((!told.is_empty()).then(|| format!("the file uses {}", told.join(", and "))))

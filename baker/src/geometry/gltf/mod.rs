@@ -205,8 +205,9 @@ impl Reader<'_> {
             let (file, contents) = (self.asset.file, &mut self.model.contents);
             if !is_hidden {
                 lights::read_lamp(&node, in_tree, file_from_node, file, contents, self.notes);
-                self.profiles.read(&self.asset, &node, in_tree, file_from_node, contents, self.notes)?;
             }
+            let shining = (!is_hidden).then_some(&mut *contents);
+            self.profiles.read(&self.asset, &node, in_tree, file_from_node, shining, self.notes)?;
             lights::read_camera(&node, file_from_node, contents);
             if let Some(mesh) = node.mesh() {
                 let lightmap_place = lightmap_place(&node).unwrap_or_else(|what| {

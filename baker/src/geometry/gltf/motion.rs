@@ -26,7 +26,7 @@ pub(super) fn movable(node: &Value) -> std::result::Result<Option<bool>, String>
         // Programs whose custom properties are numbers.
         Value::Number(number) if number.as_f64() == Some(1.0) => Ok(Some(true)),
         Value::Number(number) if number.as_f64() == Some(0.0) => Ok(Some(false)),
-        _ => Err(format!("its extras \"{MOVABLE}\" are not used: expected true or false")),
+        _ => Err(format!("`{MOVABLE}` in its extras is not used: expected true or false")),
     }
 }
 
@@ -93,7 +93,7 @@ fn check(primitive: &Value, elements: &BTreeMap<(usize, Use), Elements>, place: 
         if found != count {
             return Err(Error::invalid(
                 place,
-                format!("{name} of {found} vertices: expected {count}, as POSITION"),
+                format!("{name} has {found} elements: expected {count}, as many as POSITION"),
             ));
         }
     }

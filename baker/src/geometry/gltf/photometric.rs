@@ -83,7 +83,8 @@ pub(super) fn check(root: &Value, file: &str) -> Result<()> {
 }
 
 impl Profiles {
-    /// Adds the lamp that a node has by this extension, if it has one. `place` is the node's place in the
+    /// Adds the lamp that a node has by this extension, if it has one, to `contents`; of a hidden node there
+    /// are none, and its profile alone is kept. `place` is the node's place in the
     /// tree of nodes.
     ///
     /// # Errors
@@ -94,7 +95,7 @@ impl Profiles {
         node: &gltf::Node,
         place: usize,
         file_from_node: DMat4,
-        contents: &mut Contents,
+        contents: Option<&mut Contents>,
         notes: &mut Notes,
     ) -> Result<()> {
         let named = &asset.root["nodes"][node.index()]["extensions"][EXTENSION];
@@ -106,7 +107,7 @@ impl Profiles {
             let profile = self.profile(asset, index, light, &name, notes)?;
             self.known.insert(index, profile);
         }
-        let Some(profile) = self.known[&index].clone() else { return Ok(()) };
+        let (Some(profile), Some(contents)) = (self.known[&index].clone(), contents) else { return Ok(()) };
         let colour = serde_json::from_value::<[f64; 3]>(named["color"].clone()).unwrap_or([1.0; 3]);
         contents.lamps.push(FileLamp {
             name,

@@ -77,7 +77,7 @@ pub(super) fn read(
                 &statement.file,
                 "option",
                 format!("{} ({key}, line {})", words[0], statement.line),
-                "an option that is not known is skipped, with one value",
+                "the option is unknown: it and the word after it are skipped",
             ),
         }
         for word in &words[..=arguments] {

@@ -31,7 +31,7 @@ Examples:
 To continue a stopped run, give the same command again (a time limit starts anew).
 
 Exit codes: 0 success; 1 invalid input, 2 an invalid command line: do not retry; 75 retry later (another run is active, shards are missing, the
-disk is full); 143, 130, 129 ended by SIGTERM, Ctrl-C, a closed terminal.
+disk is full, the port of `view --serve` is taken); 143, 130, 129 ended by SIGTERM, Ctrl-C, a closed terminal.
 
 Keys of the --json object (null where not available):
   psnr_db                mean PSNR over (tile, frame) pairs, peak = the tile's largest valid value
