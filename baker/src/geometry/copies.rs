@@ -2,15 +2,20 @@
 
 use super::model::Mesh;
 
-/// Most panes in one place that dim the light: as many as rays can tell apart there.
-pub(super) const MOST_PANES: usize = 8;
+/// Most equal surfaces in one place: as many panes as rays can tell apart there. Fewer are left alone, since
+/// without its copy of a face that two bodies share, one of them would not be closed.
+pub(super) const MOST_COPIES: usize = 8;
 
 /// Numbers of a corner: position, normal, colour and three pairs of coordinates.
 const NUMBERS: usize = 16;
 
-/// Drops triangles beyond the first `most` that are equal, to the bit, in all that the baker reads of their
-/// corners, and run the same way round. Gives how many it dropped.
-pub(super) fn remove(mesh: &mut Mesh, most: usize) -> usize {
+/// Drops triangles beyond the first [`MOST_COPIES`] that are equal, to the bit, in all that the baker reads of
+/// their corners, and run the same way round. Gives how many it dropped.
+pub(super) fn remove(mesh: &mut Mesh) -> usize {
+    remove_beyond(mesh, MOST_COPIES)
+}
+
+fn remove_beyond(mesh: &mut Mesh, most: usize) -> usize {
     // Those of different positions soon differ; few are left to be compared.
     let mixed = |v: u32| {
         let [x, y, z] = mesh.positions[v as usize].to_array().map(|x| u64::from(x.to_bits()));
@@ -74,13 +79,13 @@ mod tests {
         let mesh = Mesh { positions, triangles, ..Default::default() };
         for (most, left) in [(1, &[0, 3, 4][..]), (2, &[0, 1, 3, 4]), (8, &[0, 1, 2, 3, 4, 5])] {
             let mut dropped = mesh.clone();
-            assert_eq!(remove(&mut dropped, most), 6 - left.len());
+            assert_eq!(remove_beyond(&mut dropped, most), 6 - left.len());
             assert_eq!(dropped.triangles, left.iter().map(|&i| mesh.triangles[i]).collect::<Vec<_>>());
         }
         // By place, but with texture coordinates of its own.
         let uvs = (0..8).map(|v| Vec2::splat(v as f32)).collect();
         let mut mesh = Mesh { uvs, ..mesh };
-        assert_eq!(remove(&mut mesh, 1), 2);
+        assert_eq!(remove_beyond(&mut mesh, 1), 2);
         assert_eq!(mesh.triangles, [[0, 1, 2], [4, 5, 6], [0, 2, 1], [0, 1, 3]]);
     }
 }

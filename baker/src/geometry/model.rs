@@ -1,7 +1,7 @@
 //! What a geometry file holds, before it is placed in the scene; the same for OBJ and glTF.
 
 use super::contents::{Contents, FileLamp};
-use super::copies::{self, MOST_PANES};
+use super::copies;
 use super::motion::Motion;
 use super::names::{Names, Tree};
 use super::notes::{Notes, plural};
@@ -198,8 +198,8 @@ impl Mesh {
 
     /// Checks indices and that every used value is finite, drops triangles with two corners in one place,
     /// copies of others and vertices that no triangle names; tells how many triangles it dropped. `place`
-    /// names file and mesh; `is_glass`: copies dim the light, and as many stay as rays can meet.
-    pub(super) fn finish(&mut self, place: &str, is_glass: bool) -> Result<Dropped> {
+    /// names file and mesh.
+    pub(super) fn finish(&mut self, place: &str) -> Result<Dropped> {
         let count = self.positions.len();
         let mut new_from_old = vec![u32::MAX; count];
         let mut used = Vec::new();
@@ -216,8 +216,7 @@ impl Mesh {
         let differ = |a: u32, b: u32| a != b && at(a) != at(b);
         self.triangles.retain(|&[a, b, c]| differ(a, b) && differ(b, c) && differ(c, a));
         let repeated = all - self.triangles.len();
-        let most = if is_glass { MOST_PANES } else { 1 };
-        let copies = copies::remove(self, most);
+        let copies = copies::remove(self);
         for triangle in &mut self.triangles {
             for v in triangle {
                 let new = &mut new_from_old[*v as usize];

@@ -57,8 +57,7 @@ pub(super) fn load(
             }
         };
         let (texture, emission) = placements[index];
-        let is_glass = model.materials[index].glass.is_some();
-        let uses = mesh::Uses { material: index, texture, emission, vt_is_lightmap, is_glass };
+        let uses = mesh::Uses { material: index, texture, emission, vt_is_lightmap };
         let mesh = mesh::convert(faces, &vertices, &uses, &file, notes)?;
         model.placements.push(NodeMesh {
             mesh: model.meshes.len(),

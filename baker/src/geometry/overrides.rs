@@ -50,11 +50,6 @@ impl MaterialStore {
         if glass.iter().any(Option::is_some) { glass } else { Vec::new() }
     }
 
-    /// Whether a material lets light through.
-    pub fn is_glass(&self, material: u32) -> bool {
-        self.glass[material as usize].is_some()
-    }
-
     /// Whether a material lets all light through that it does not absorb, and so shows no lightmap.
     pub fn reflects_nothing(&self, material: u32) -> bool {
         let (glass, material) = (&self.glass[material as usize], &self.materials[material as usize]);

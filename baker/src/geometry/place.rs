@@ -1,7 +1,7 @@
 //! What stands where: the meshes of the objects at their places, under what the scene file overrides.
 
 use super::LightmapPlace;
-use super::copies::MOST_PANES;
+use super::copies::MOST_COPIES;
 use super::lights::Groups;
 use super::model::{DEFAULT_ALBEDO, Mesh, Model, NodeMesh};
 use super::movable::LeftOut;
@@ -161,9 +161,9 @@ pub(super) fn place<'a>(
     list.into_iter().map(|(placement, _, movable, ..)| (placement, movable)).collect()
 }
 
-/// Removes baked meshes that lie exactly where an equal one does, so that nothing differs, and gives the
-/// warning about them. Of panes, which all dim the light, as many stay as rays can meet.
-pub(super) fn remove_copies(placed: &mut Vec<Placed>, materials: &MaterialStore) -> Option<String> {
+/// Removes baked meshes beyond the first [`MOST_COPIES`] that lie exactly where an equal one does, and gives
+/// the warning about them.
+pub(super) fn remove_copies(placed: &mut Vec<Placed>) -> Option<String> {
     let mut counts: BTreeMap<_, usize> = BTreeMap::new();
     let mut digests: BTreeMap<*const Mesh, blake3::Hash> = BTreeMap::new();
     let mut removed = Vec::new();
@@ -183,7 +183,7 @@ pub(super) fn remove_copies(placed: &mut Vec<Placed>, materials: &MaterialStore)
         let look = (p.material, p.recoloured, p.lightmap, p.density.to_bits());
         let count = counts.entry((*mesh.as_bytes(), numbers, look, place)).or_default();
         *count += 1;
-        let stays = *count <= if materials.is_glass(p.material) { MOST_PANES } else { 1 };
+        let stays = *count <= MOST_COPIES;
         if !stays {
             removed.push(p.name.clone());
         }
@@ -193,7 +193,7 @@ pub(super) fn remove_copies(placed: &mut Vec<Placed>, materials: &MaterialStore)
     (n > 0).then(|| {
         let (those, names) = (notes::plural(n, "placed mesh"), notes::list(&removed, n));
         format!(
-            "{those} ({names}): each lies exactly where an equal one does, changes no light and is left out"
+            "{those} ({names}): each lies exactly where {MOST_COPIES} equal ones do, changes no light and is left out"
         )
     })
 }

@@ -47,8 +47,6 @@ pub(super) struct Uses {
     pub texture: Placement,
     pub emission: Option<Placement>,
     pub vt_is_lightmap: bool,
-    /// Whether light passes.
-    pub is_glass: bool,
 }
 
 impl Vertices {
@@ -203,7 +201,7 @@ pub(super) fn convert(
         let what = "faces that cross themselves or have no area are cut as fans, which may overlap: triangulate them in the modeller";
         notes.add(file, "mesh", format!("{name} ({})", plural(crossed, "face")), what);
     }
-    let dropped = result.finish(&place, uses.is_glass)?;
+    let dropped = result.finish(&place)?;
     dropped.note_copies(file, name, notes);
     if dropped.repeated > 0 {
         let what = "faces that name a vertex twice, or two in one place, have no area and are left out";
