@@ -110,3 +110,35 @@ fn what_looks_into_a_two_sided_body_is_valid_in_no_instance() {
         }
     }
 }
+
+/// A room of two-sided sheets that face outwards, as modellers export houses, under sun and sky; a small window
+/// leaves its floor a ten-thousandth of the light outside. All of it is valid.
+#[test]
+fn a_dim_room_of_two_sided_sheets_is_valid() {
+    let (low, high) = (dvec3(-2.5, 0.0, -2.5), dvec3(2.5, 2.6, 2.5));
+    // All sides but +x, which has a window of 10 cm.
+    let walls = Obj::default().mesh("walls").sides(low, high, false, &[0, 2, 3, 4, 5]);
+    let strip = |obj: Obj, y: [f64; 2], z: [f64; 2]| {
+        obj.quad(dvec3(2.5, y[0], z[1]), DVec3::NEG_Z * (z[1] - z[0]), DVec3::Y * (y[1] - y[0]))
+    };
+    let walls = strip(walls, [0.0, 1.2], [-2.5, 2.5]);
+    let walls = strip(walls, [1.3, 2.6], [-2.5, 2.5]);
+    let walls = strip(walls, [1.2, 1.3], [-2.5, -0.05]);
+    let walls = strip(walls, [1.2, 1.3], [0.05, 2.5]);
+    let floor = Obj::default().mesh("floor").floor(dvec3(0.0, 0.01, 0.0), 4.6).text();
+    let ground = Obj::default().mesh("ground").floor(DVec3::Y * -0.5, 60.0).text();
+    let scene = "[sun]\ntrack = [{ hour = 12, direction = [-1, 2, 0.3], irradiance = [80, 80, 80] }]\nvisibility = \"off\"\n\
+                 [sky]\nmodel = \"constant\"\nradiance = [4, 4, 4]\n\
+                 [[object]]\nfile = \"ground.obj\"\nalbedo = 0.3\n\
+                 [[object]]\nfile = \"walls.obj\"\nalbedo = 0.5\ntwo_sided = true\nlightmap = false\n\
+                 [[object]]\nfile = \"floor.obj\"\nalbedo = 0.5\n[lightmap]\nsize = 64\n";
+    let files = [("ground.obj", ground), ("walls.obj", walls.text()), ("floor.obj", floor)];
+    let baked = Stage::new(&files).bake("12", 32, scene);
+    let floor = baked.covered("floor");
+    let valid = floor.iter().filter(|texel| texel.valid).count();
+    assert!(floor.len() > 20 && 20 * valid >= 19 * floor.len(), "{valid} of {} are valid", floor.len());
+    let image = baked.at(12.0);
+    let mean =
+        floor.iter().map(|texel| f64::from(image.texels[texel.index][1])).sum::<f64>() / floor.len() as f64;
+    assert!((1e-4..1.0).contains(&mean), "{mean}");
+}
