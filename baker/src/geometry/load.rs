@@ -87,7 +87,7 @@ pub fn load_with(scene: &Scene, warnings: &mut Vec<String>) -> Result<Geometry> 
     }
     let keeps_motion = motion_to_keep(scene, &models, &model_of, &objects, &mut notes);
     warnings.extend(notes.lines());
-    warnings.extend(remove_copies(&mut placed));
+    warnings.extend(remove_copies(&mut placed, &store.materials.materials));
     let (file_lights, merged) = groups.finish(scene, lamps, warnings);
     warnings.append(&mut store.undefined);
     warnings.extend(store.warning(scene.bake.albedo_max));
@@ -217,7 +217,7 @@ fn read_file(object: &Object, textures: &mut TextureStore, notes: &mut Notes) ->
             "all of its meshes are hidden (KHR_node_visibility): expected at least one that is visible"
         }
         None => {
-            "expected at least one triangle: the file has no faces (points, lines and curves are not baked)"
+            "expected at least one triangle: the file has no faces with an area (points, lines and curves are not baked)"
         }
     };
     Err(Error::invalid(object.file.display(), what))

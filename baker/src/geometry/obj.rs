@@ -57,7 +57,8 @@ pub(super) fn load(
             }
         };
         let (texture, emission) = placements[index];
-        let uses = mesh::Uses { material: index, texture, emission, vt_is_lightmap };
+        let is_emissive = model.materials[index].emission.is_some();
+        let uses = mesh::Uses { material: index, texture, emission, vt_is_lightmap, is_emissive };
         let mesh = mesh::convert(faces, &vertices, &uses, &file, notes)?;
         model.placements.push(NodeMesh {
             mesh: model.meshes.len(),

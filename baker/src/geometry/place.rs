@@ -1,7 +1,6 @@
 //! What stands where: the meshes of the objects at their places, under what the scene file overrides.
 
-use super::LightmapPlace;
-use super::copies::MOST_COPIES;
+use super::copies::most;
 use super::lights::Groups;
 use super::model::{DEFAULT_ALBEDO, Mesh, Model, NodeMesh};
 use super::movable::LeftOut;
@@ -9,6 +8,7 @@ use super::notes;
 use super::originals::{self, Changed, Source};
 use super::overrides::{MaterialStore, resolve};
 use super::texture::TextureStore;
+use super::{LightmapPlace, Material};
 use crate::scene::Object;
 use dataset::Error;
 use glam::DMat4;
@@ -161,9 +161,9 @@ pub(super) fn place<'a>(
     list.into_iter().map(|(placement, _, movable, ..)| (placement, movable)).collect()
 }
 
-/// Removes baked meshes beyond the first [`MOST_COPIES`] that lie exactly where an equal one does, and gives
+/// Removes baked meshes beyond the first few ([`most`]) that lie exactly where an equal one does, and gives
 /// the warning about them.
-pub(super) fn remove_copies(placed: &mut Vec<Placed>) -> Option<String> {
+pub(super) fn remove_copies(placed: &mut Vec<Placed>, materials: &[Material]) -> Option<String> {
     let mut counts: BTreeMap<_, usize> = BTreeMap::new();
     let mut digests: BTreeMap<*const Mesh, blake3::Hash> = BTreeMap::new();
     let mut removed = Vec::new();
@@ -183,7 +183,7 @@ pub(super) fn remove_copies(placed: &mut Vec<Placed>) -> Option<String> {
         let look = (p.material, p.recoloured, p.lightmap, p.density.to_bits());
         let count = counts.entry((*mesh.as_bytes(), numbers, look, place)).or_default();
         *count += 1;
-        let stays = *count <= MOST_COPIES;
+        let stays = *count <= most(materials[p.material as usize].emission.is_some());
         if !stays {
             removed.push(p.name.clone());
         }
@@ -192,9 +192,7 @@ pub(super) fn remove_copies(placed: &mut Vec<Placed>) -> Option<String> {
     let n = removed.len();
     (n > 0).then(|| {
         let (those, names) = (notes::plural(n, "placed mesh"), notes::list(&removed, n));
-        format!(
-            "{those} ({names}): each lies exactly where {MOST_COPIES} equal ones do, changes no light and is left out"
-        )
+        format!("{those} ({names}): each lies exactly where equal ones do and is left out")
     })
 }
 

@@ -77,6 +77,7 @@ impl GroupSampler {
                     distance: distance as f32,
                     irradiance: emitter.radiance * (cosine / pdf) as f32,
                     emitter: Some((emitter.triangle, pdf as f32)),
+                    is_flat: true,
                 }
             }
         };

@@ -19,6 +19,9 @@ use glam::{DVec3, Vec2, Vec3};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
+/// A ball of no more than this, as a part of the largest coordinate, is a point but for rounding.
+const TINY: f64 = 1e-6;
+
 /// A lamp made ready for sampling, in the geometry's local space.
 #[derive(Clone, Debug)]
 pub struct LampSampler {
@@ -67,6 +70,9 @@ pub struct LampSample {
     /// solid angle of this direction, the choice among emitters included. `None` for a lamp, which no path
     /// meets.
     pub emitter: Option<(u32, f32)>,
+    /// Whether a surface in whose plane the point lies leaves it unshaded: not of a ball, half of which lies
+    /// behind a surface through it.
+    pub is_flat: bool,
 }
 
 /// A bound of a light, for choosing among many.
@@ -164,7 +170,11 @@ impl LampSampler {
         };
         let irradiance = self.light * (weight * direction.dot(n).max(0.0)) as f32;
         let (direction, distance) = (direction.as_vec3(), distance as f32);
-        let sample = LampSample { direction, distance, irradiance, emitter: None };
+        let is_flat = match &self.shape {
+            Shape::Sphere { centre, radius } => *radius <= TINY * centre.abs().max(p.abs()).max_element(),
+            _ => true,
+        };
+        let sample = LampSample { direction, distance, irradiance, emitter: None, is_flat };
         (sample.direction.is_finite() && sample.distance > 0.0 && irradiance.is_finite()).then_some(sample)
     }
 

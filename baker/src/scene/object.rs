@@ -87,7 +87,7 @@ pub(super) fn conversion(file: &Path) -> String {
 pub(super) fn why_no_model(file: &Path) -> Option<Error> {
     let models = "expected a model: an .obj, .gltf or .glb file";
     let what = match () {
-        () if file.is_dir() => format!("is a folder; {models}"),
+        () if file.is_dir() => "is a folder; expected models: .obj, .gltf or .glb files".to_owned(),
         () if !file.exists() => format!("no such file; {models}"),
         () if !is_model(file) => format!("{models}{}", conversion(file)),
         () => return None,

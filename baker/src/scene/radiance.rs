@@ -24,7 +24,12 @@ pub fn is_radiance(bytes: &[u8]) -> bool {
 pub fn read_radiance(bytes: &[u8], file: &str) -> Result<Image> {
     let failed = |error: image::ImageError| match error {
         image::ImageError::Unsupported(what) => {
-            let what = format!("{what}: `oiiotool {file} -o converted.exr` converts it");
+            // (OpenImageIO does not read XYZE.)
+            let command = match bytes.windows(4).take(4096).any(|word| word == b"xyze") {
+                true => format!("ra_xyze -r {file} converted.hdr"),
+                false => format!("oiiotool {file} -o converted.exr"),
+            };
+            let what = format!("{what}: `{command}` converts it");
             Error::unsupported(file, what)
         }
         error => Error::invalid(file, format!("damaged Radiance picture: {error}")),
@@ -122,7 +127,7 @@ mod tests {
         for (bytes, told) in [
             (
                 picture("#?RADIANCE\nFORMAT=32-bit_rle_xyze\n", &row),
-                "`oiiotool a.hdr -o converted.exr` converts it",
+                "`ra_xyze -r a.hdr converted.hdr` converts it",
             ),
             (sized("+Y 2 +X 8"), "`oiiotool a.hdr -o converted.exr` converts it"),
             (sized("-Y 20000 +X 40000"), "bytes cannot hold the 40000×20000 texels"),

@@ -179,7 +179,7 @@ impl BrightSurfaces {
         }
         counts.bright_surface += 1;
         let reach = space.ray_tracer.distance_to(at.origin, direction, distance, triangle);
-        let through = space.ray_tracer.transmittance(at.origin, direction, reach, at.triangle);
+        let through = space.ray_tracer.transmittance_of_light(at.origin, direction, reach, at.triangle);
         if through == Rgb::ZERO {
             return None;
         }

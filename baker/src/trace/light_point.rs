@@ -2,8 +2,8 @@
 //!
 //! Lamps are snapped to ceilings, and luminous panels lie flush in them. Whether such a surface stands before
 //! the light's point, at it or behind it is then a matter of rounding. So a surface does not shade a point of
-//! a light that lies in its plane, up to [`TOUCHING`]: an area light lights the side that it faces, and what
-//! shines all around lights both sides.
+//! a light that lies in its plane, up to [`TOUCHING`]: an area light lights the side that it faces, and a
+//! point lights both sides. (A ball does so by what of it lies on either side.)
 
 use crate::geometry::Geometry;
 use glam::{DVec3, Vec3};

@@ -216,7 +216,11 @@ impl<'a> Transport<'a> {
             }
             None => s.distance,
         };
-        let through = self.space.ray_tracer.transmittance(at.origin, s.direction, distance, at.triangle);
+        let rays = self.space.ray_tracer;
+        let through = match s.is_flat {
+            true => rays.transmittance_of_light(at.origin, s.direction, distance, at.triangle),
+            false => rays.transmittance(at.origin, s.direction, distance, at.triangle),
+        };
         if through == Rgb::ZERO {
             return None;
         }

@@ -97,10 +97,28 @@ impl<'a> RayTracer<'a> {
 
     /// Per channel, how much of the light from the point at distance `t_max` along the unit `direction`
     /// arrives at `origin`: 1 where nothing stands between, the product over all glass that does, 0 behind
-    /// anything else. What that point touches ([`super::light_point`]) does not stand between.
+    /// anything else.
     #[inline]
     pub fn transmittance(&self, origin: Vec3, direction: Vec3, t_max: f32, from: u32) -> Rgb {
-        let end = t_max.is_finite().then(|| LightPoint::new(origin, direction, t_max));
+        self.transmittance_from(origin, direction, t_max, None, from)
+    }
+
+    /// The same from a point of a light: what that touches ([`super::light_point`]) does not stand between.
+    #[inline]
+    pub fn transmittance_of_light(&self, origin: Vec3, direction: Vec3, t_max: f32, from: u32) -> Rgb {
+        let end = LightPoint::new(origin, direction, t_max);
+        self.transmittance_from(origin, direction, t_max, Some(end), from)
+    }
+
+    #[inline]
+    fn transmittance_from(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        t_max: f32,
+        end: Option<LightPoint>,
+        from: u32,
+    ) -> Rgb {
         if !self.geometry.has_glass() {
             let is_blocked = self.occluded_unless(origin, direction, t_max, end, from, &|_| false);
             return if is_blocked { Rgb::ZERO } else { Rgb::ONE };

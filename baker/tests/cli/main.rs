@@ -248,7 +248,7 @@ fn a_plan_traces_nothing_and_writes_nothing() {
     };
     let words = run(&[]);
     for expected in [
-        "trace sun at 7:00, 8:00 … 18:06 (13 layers)",
+        "trace sun at 6:00, 7:00 … 18:06 (14 layers)",
         "trace sky at 0:00, 5:00 … 19:00 (18 layers)",
         "trace group \"lamp\"",
         "no alpha tests: ",

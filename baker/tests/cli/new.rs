@@ -91,9 +91,9 @@ fn what_is_no_model_is_refused() {
         ),
         (
             file("points.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n"),
-            "the file has no faces (points, lines and curves are not baked)",
+            "the file has no faces with an area (points, lines and curves are not baked)",
         ),
-        (file("point.obj", "v 1 1 1\nv 1 1 1\nv 1 1 1\nf 1 2 3\n"), "are at one point: expected surfaces"),
+        (file("point.obj", "v 1 1 1\nv 1 1 1\nv 1 1 1\nf 1 2 3\n"), "the file has no faces with an area"),
         (file("notes.glb", "Dear all"), "notes.glb:"),
         (file("notes.gltf", "Dear all"), "notes.gltf:"),
     ] {

@@ -111,8 +111,8 @@ fn what_looks_into_a_two_sided_body_is_valid_in_no_instance() {
     }
 }
 
-/// A room of two-sided sheets that face outwards, as modellers export houses, under sun and sky; a small window
-/// leaves its floor a ten-thousandth of the light outside. All of it is valid.
+/// A room of two-sided sheets that face outwards, as modellers export houses, under sun and sky; a small
+/// window leaves its floor a ten-thousandth of the light outside. All of it is valid.
 #[test]
 fn a_dim_room_of_two_sided_sheets_is_valid() {
     let (low, high) = (dvec3(-2.5, 0.0, -2.5), dvec3(2.5, 2.6, 2.5));
