@@ -108,11 +108,11 @@ fn a_wrong_unit_is_told_by_the_size_and_the_density_that_it_gives() {
     let scene = |keys: &str, page: &str| format!("{sky}[[object]]\nfile = \"a.obj\"\n{keys}\n{page}");
     let warned = |keys: &str, page: &str| mistakes(&stage, &scene(keys, page));
     let of_unit =
-        |warnings: Vec<String>| warnings.into_iter().find(|w| w.contains("All lengths are in metres"));
+        |warnings: Vec<String>| warnings.into_iter().find(|w| w.contains("and lengths are in metres"));
     let told = of_unit(stage.bake("12", 2, &scene("scale = 0.001", PAGE)).outcome.warnings).unwrap();
     assert_eq!(of_unit(warned("scale = 0.001", PAGE)).as_ref(), Some(&told));
     assert!(told.starts_with("the scene is 1.0 mm long, with "), "{told}");
-    assert!(told.contains("`scale` of an [[object]] need to be larger (its object at "), "{told}");
+    assert!(told.contains("should the `scale` of an [[object]] be larger? (the object at "), "{told}");
     assert!(told.contains("case.toml:5") && told.contains(" texels per metre"), "{told}");
     let told = of_unit(warned("scale = 2e5", PAGE)).unwrap();
     assert!(told.starts_with("the scene is 200 km long") && told.contains("need to be smaller"), "{told}");

@@ -125,7 +125,7 @@ fn a_roof_that_moves_shades_nothing() {
             true => assert!((light - 1.0).abs() < 1e-4, "{light}"),
             false => assert!(light < 0.5, "{light}"),
         }
-        let told = baked.outcome.skipped.iter().find(|line| line.contains("movable"));
+        let told = baked.outcome.skipped.iter().find(|line| line.contains("they move"));
         let expected = "left out because they move: 1 mesh (a.gltf: lift/square/paint), 2 triangles";
         assert_eq!(told.map(String::as_str), moves.then_some(expected));
         assert!(baked.dataset.verify(|| {}).faults.is_empty());
@@ -212,7 +212,7 @@ fn parts_are_what_stands_below_a_name() {
     let (_, geometry, _) = load(&stage, &text).unwrap();
     assert_eq!(geometry.instances.iter().map(|i| i.density).collect::<Vec<_>>(), [2.0, 3.0, 1.0]);
     let error = load(&stage, &format!("{OBJECT}{}", part("roep", ""))).map(|_| ()).unwrap_err().to_string();
-    let told = "scene.toml:4: part name = \"roep\": fits no node, mesh or material of ";
+    let told = "scene.toml:4: part name = \"roep\": no node, mesh or material of ";
     assert!(
         error.contains(told) && error.ends_with("similar names: node \"rope\" (of \"swing\")"),
         "{error}"
@@ -226,11 +226,12 @@ fn parts_are_what_stands_below_a_name() {
 fn nothing_left_to_bake_is_an_error_with_its_remedy() {
     let stage = stage(&shed(json!(null)));
     let error = load(&stage, &format!("{OBJECT}movable = true\n")).map(|_| ()).unwrap_err().to_string();
-    assert!(error.contains("all 2 meshes move (a.gltf: floor/square/paint"), "{error}");
-    assert!(error.contains("`movable = false` in an [[object]]"), "{error}");
+    assert!(error.contains("every mesh moves (2 meshes: a.gltf: floor/square/paint"), "{error}");
+    assert!(error.contains("`movable = false` in its [[object]]"), "{error}");
     let error = stage.refusal("12", &format!("{SKY}{OBJECT}lightmap = false\n"));
     assert!(
-        error.contains("all 2 instances have `lightmap = false`") && error.contains("[[object.part]]"),
+        error.contains("no mesh gets texels (2 instances), because of `lightmap = false`")
+            && error.contains("[[object.part]]"),
         "{error}"
     );
 }
@@ -239,7 +240,7 @@ fn nothing_left_to_bake_is_an_error_with_its_remedy() {
 fn other_values_than_booleans_are_warned_of() {
     let (_, geometry, warnings) = load(&stage(&shed(json!("yes"))), OBJECT).unwrap();
     assert_eq!(geometry.instances.len(), 2);
-    let told = "a.gltf: node lift: its extras \"movable\" are not used: expected true or false";
+    let told = "a.gltf: node lift: `movable` in its extras is not used: expected true or false";
     assert!(warnings.iter().any(|warning| warning.ends_with(told)), "{warnings:?}");
 }
 
@@ -372,7 +373,7 @@ fn joints_move_with_their_mesh() {
         "{lantern}"
     );
     let (_, _, warnings) = load(&stage, &text).unwrap();
-    let told = "a.gltf: mesh lantern/square/paint: is baked where it stands, below a joint of a movable mesh";
+    let told = "a.gltf: mesh lantern/square/paint: is baked, but a joint of a movable mesh carries it";
     assert!(warnings.iter().any(|warning| warning.contains(told)), "{warnings:?}");
 }
 

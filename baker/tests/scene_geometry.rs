@@ -162,7 +162,7 @@ fn parts_override_what_their_names_fit() {
     assert!(g.instances.iter().all(|i| i.density == 2.0));
     let error =
         message(folder.path(), "[[object]]\nfile = \"tree.obj\"\n[[object.part]]\nname = \"leav*\"\n");
-    assert!(error.contains("scene.toml:4: part name = \"leav*\": fits no node"), "{error}");
+    assert!(error.contains("scene.toml:4: part name = \"leav*\": no node, mesh or material"), "{error}");
     assert!(error.ends_with("similar names: mesh \"leaf.001\", mesh \"leaf.002\""), "{error}");
 }
 

@@ -174,7 +174,8 @@ mod tests {
         }
         // One of those inside is lit; two; a third of them, as in a dim room; all. Where one is dark there by
         // chance, lit ones about it are valid.
-        let cases: [(fn(usize, usize) -> bool, usize, usize); 4] = [
+        type Lit = fn(usize, usize) -> bool;
+        let cases: [(Lit, usize, usize); 4] = [
             (|x, y| x >= 10 || (x, y) == (4, 7), 160, 0),
             (|x, y| x >= 10 || (x, y) == (4, 7) || (x, y) == (5, 8), 162, 0),
             (|x, y| x >= 10 || (x + y).is_multiple_of(3), 278, 66),

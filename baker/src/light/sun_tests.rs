@@ -252,8 +252,8 @@ fn noaa_rise_and_set(latitude: f64, (year, month, day): (i32, u32, u32)) -> Opti
         // The sun moves on until the event.
         for _ in 0..5 {
             let t = (midnight + hour / 24.0 - 2_451_545.0) / 36_525.0;
-            let l = (280.46646 + t * (36_000.76983 + t * 0.000_303_2)).to_radians();
-            let m = (357.52911 + t * (35_999.05029 - 0.000_153_7 * t)).to_radians();
+            let l = (280.46646 + t * (36_000.769_83 + t * 0.000_303_2)).to_radians();
+            let m = (357.52911 + t * (35_999.050_29 - 0.000_153_7 * t)).to_radians();
             let e = 0.016_708_634 - t * (0.000_042_037 + 0.000_000_126_7 * t);
             let centre = m.sin() * (1.914_602 - t * (0.004_817 + 0.000_014 * t))
                 + (2.0 * m).sin() * (0.019_993 - 0.000_101 * t)
