@@ -100,8 +100,8 @@ fn names_are_refused_at_once_or_written() {
     #[cfg(unix)]
     {
         use std::os::unix::ffi::OsStrExt;
-        let latin = std::ffi::OsStr::from_bytes(b"caf\xe9.ndgi");
-        refused(latin, 2, r#"argument 4, "caf\xE9.ndgi", is not UTF-8"#);
+        let latin = std::ffi::OsStr::from_bytes(b"map\xe9.ndgi");
+        refused(latin, 2, r#"argument 4, "map\xE9.ndgi", is not UTF-8"#);
     }
     let out = folder.path().join(long(246));
     let options = Options { iterations: 10, ..options(&out) };
@@ -123,7 +123,8 @@ fn a_stopped_server_says_by_which_signal() {
     let mut url = String::new();
     BufReader::new(server.stdout.take().unwrap()).read_line(&mut url).unwrap();
     assert!(url.starts_with("http://127.0.0.1:"), "{url}");
-    // (Not SIGINT: a shell that ran these tests in the background would have it ignored, which servers respect.)
+    // (Not SIGINT: a shell that ran these tests in the background would have it ignored, which servers
+    // respect.)
     let id = server.id().to_string();
     assert!(Command::new("kill").args(["-s", "TERM", &id]).status().unwrap().success());
     assert_eq!(server.wait().unwrap().code(), Some(143));

@@ -94,9 +94,9 @@ fn an_argument_that_is_not_utf_8_is_refused_at_once() {
     write_set(&folder.path().join("set"), &[(8, 8)], 1).unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_dataset"));
     command.current_dir(folder.path()).args(["export", "set", "--layout", "hprc2", "--out"]);
-    let output = command.arg(std::ffi::OsStr::from_bytes(b"caf\xe9")).output().unwrap();
+    let output = command.arg(std::ffi::OsStr::from_bytes(b"map\xe9")).output().unwrap();
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{said}");
-    assert!(said.contains(r#"argument 6, "caf\xE9", is not UTF-8"#), "{said}");
+    assert!(said.contains(r#"argument 6, "map\xE9", is not UTF-8"#), "{said}");
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
 }

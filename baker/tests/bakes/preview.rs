@@ -123,8 +123,7 @@ fn what_has_no_texels_looks_like_what_has() {
 fn as_game_shows_nothing_but_texels() {
     let block = Obj::default().mesh("block").block([-0.5, 0.1, -0.5], [1.0, 0.2, 1.0]);
     let sheet = Obj::default().mesh("sheet").floor([1.0, 1.0, -0.5], 1.0, 1.0);
-    let stage =
-        Stage::new(&[floor(), ("block.obj", block.bytes().into()), ("sheet.obj", sheet.bytes().into())]);
+    let stage = Stage::new(&[floor(), ("block.obj", block.bytes()), ("sheet.obj", sheet.bytes())]);
     let objects = "[[object]]\nfile = \"block.obj\"\nalbedo = 0.5\nlightmap = false\n\
                    [[object]]\nfile = \"sheet.obj\"\nalbedo = 0.5\ntwo_sided = true\n";
     stage.bake(&format!("{objects}{FLOOR}{SAMPLES}"), SET, "12", |_| ());
