@@ -103,7 +103,7 @@ impl<'a> RayTracer<'a> {
         self.transmittance_from(origin, direction, t_max, None, from)
     }
 
-    /// The same from a point of a light: what that touches ([`super::light_point`]) does not stand between.
+    /// The same from a point of a light: what that touches (see `light_point`) does not stand between.
     #[inline]
     pub fn transmittance_of_light(&self, origin: Vec3, direction: Vec3, t_max: f32, from: u32) -> Rgb {
         let end = LightPoint::new(origin, direction, t_max);
