@@ -55,7 +55,7 @@ fn damage_in_any_section_is_refused_by_the_viewer_and_repaired_by_a_rerun() {
     }
     // Bytes of no tile: all is made again.
     let start = bundle.index[0].ndgi.offset as usize;
-    if bundle.bytes_resident % 16 != 0 {
+    if !bundle.bytes_resident.is_multiple_of(16) {
         let mut damaged = whole.clone();
         damaged[start - 1] = 1;
         fs::write(&out, damaged).unwrap();
