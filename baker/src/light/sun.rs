@@ -246,8 +246,8 @@ const SEEN_AT_HORIZON: f64 = -0.564_1;
 /// in degrees: equation 42 of the SPA (Reda & Andreas 2004), after Saemundsson 1986.
 ///
 /// That formula has a pole at −5.1°, and the SPA's own end of it, at −0.83°, is a jump. Below the horizon,
-/// where nothing is seen, the lift fades as 1/tan instead, as that of NOAA's solar calculator does: twilight
-/// goes by geometric depressions. The sum of elevation and lift grows everywhere.
+/// where nothing is seen, the lift fades as 1/tan instead, as that of NOAA's solar calculator does: from a
+/// few degrees on, twilight goes by the geometric depression. The sum of elevation and lift grows everywhere.
 fn refraction(elevation: f64) -> f64 {
     if elevation < SEEN_AT_HORIZON {
         let fade = SEEN_AT_HORIZON.to_radians().tan() / elevation.to_radians().tan();

@@ -1,8 +1,8 @@
 //! Whether a point lies in a pocket of two-sided bodies: in one of them, or under one that stands on its
 //! surface.
 //!
-//! Such backs may be the walls of a lit room as well, so this alone does not say that a point is not surface.
-//! It says what it means if hardly any light is found there.
+//! Such backs may also be the walls of a lit room, so this alone does not make a point invalid; it does where
+//! no light is found.
 
 use super::counts::RayCounts;
 use super::space::{Receiver, Space, SurroundingHits};
@@ -11,15 +11,15 @@ use glam::Vec3;
 
 /// Directions besides the normal and those close to the surface.
 const MORE: usize = 16;
-/// One in so many directions at least meets a back.
+/// At least one direction in this many meets a back.
 const ONE_IN: usize = 4;
 /// Cosine and sine of the golden angle.
 const GOLDEN: [f32; 2] = [-0.737_368_9, 0.675_490_3];
 
 impl Space<'_> {
     /// Whether an opaque surface is met in every one of 21 directions, and in a quarter of them the back of a
-    /// two-sided one. The answer hangs on no seed. (What lies in bodies that are one-sided, others tell:
-    /// [`Space::is_in_solid`], [`Space::is_enclosed`].)
+    /// two-sided one. The answer does not depend on the seed. (For one-sided bodies see
+    /// [`Space::is_in_solid`] and [`Space::is_enclosed`].)
     pub fn is_closed_in(&self, at: &Receiver, counts: &mut RayCounts) -> bool {
         let mut known_hits = SurroundingHits::default();
         let around = Self::directions_around(at);
