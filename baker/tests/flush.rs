@@ -264,3 +264,36 @@ fn a_portal_in_the_plane_of_a_ceiling_lets_the_sky_in() {
         }
     }
 }
+
+#[test]
+fn emissive_faces_in_one_place_shine_once() {
+    // A panel that looks down; the same with other texture coordinates; a half of it; and one turned up.
+    let corners =
+        |x: f64| [dvec3(0.0, 1.5, 0.0), dvec3(x, 1.5, 0.0), dvec3(x, 1.5, 0.4), dvec3(0.0, 1.5, 0.4)];
+    let mut turned = corners(0.4);
+    turned.reverse();
+    let uvs = |at: f64| [[at, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+    let panel = || Obj::default().mesh("panel").textured(&corners(0.4), &uvs(0.0));
+    let more = [
+        panel(),
+        (0..9).fold(panel(), |obj, i| obj.textured(&corners(0.4), &uvs(f64::from(i) / 9.0))),
+        panel().mesh("half").textured(&corners(0.2), &uvs(0.0)),
+        panel().mesh("up").textured(&turned, &uvs(0.0)),
+    ];
+    let panel = rectangle(dvec3(0.0, 1.5, 0.0), 0.4, 0.4);
+    for (i, obj) in more.into_iter().enumerate() {
+        let floor = Obj::default().mesh("floor").floor(DVec3::ZERO, 4.0).text();
+        let stage = Stage::new(&[("floor.obj", floor), ("panel.obj", obj.text())]);
+        let scene = "[[object]]\nfile = \"floor.obj\"\nalbedo = 0\n\
+                     [[object]]\nfile = \"panel.obj\"\nalbedo = 0\nlightmap = false\nemission = [4, 4, 4]\ngroup = \"panel\"\n\
+                     [[group]]\nname = \"panel\"\n";
+        for backend in Backend::built() {
+            let (dataset, floor) = floor_of(&stage, backend, 16, scene);
+            let image = dataset.map(0, 0).expect("a map");
+            let light: f64 = floor.iter().map(|t| green(&image, t)).sum();
+            let expected: f64 =
+                floor.iter().map(|t| t.average(|p| 4.0 * looking_down(&panel, 0.16 / 64.0, p))).sum();
+            assert!((light / expected - 1.0).abs() < 0.01, "{i} {backend:?}: {}", light / expected);
+        }
+    }
+}

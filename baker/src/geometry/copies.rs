@@ -4,20 +4,15 @@ use super::model::Mesh;
 
 /// Most equal surfaces in one place: as many panes as rays can tell apart there. Fewer are left alone, since
 /// without its copy of a face that two bodies share, one of them would not be closed.
-const MOST_COPIES: usize = 8;
+pub(super) const MOST_COPIES: usize = 8;
 
 /// Numbers of a corner: position, normal, colour and three pairs of coordinates.
 const NUMBERS: usize = 16;
 
-/// Drops triangles beyond the first few ([`most`]) that are equal, to the bit, in all that the baker reads of
-/// their corners, and run the same way round. Gives how many it dropped.
-pub(super) fn remove(mesh: &mut Mesh, is_emissive: bool) -> usize {
-    remove_beyond(mesh, most(is_emissive))
-}
-
-/// Most equal surfaces in one place; of emissive ones, whose light would add up, one.
-pub(super) fn most(is_emissive: bool) -> usize {
-    if is_emissive { 1 } else { MOST_COPIES }
+/// Drops triangles beyond the first [`MOST_COPIES`] that are equal, to the bit, in all that the baker reads
+/// of their corners, and run the same way round. Gives how many it dropped.
+pub(super) fn remove(mesh: &mut Mesh) -> usize {
+    remove_beyond(mesh, MOST_COPIES)
 }
 
 fn remove_beyond(mesh: &mut Mesh, most: usize) -> usize {

@@ -87,7 +87,7 @@ pub fn load_with(scene: &Scene, warnings: &mut Vec<String>) -> Result<Geometry> 
     }
     let keeps_motion = motion_to_keep(scene, &models, &model_of, &objects, &mut notes);
     warnings.extend(notes.lines());
-    warnings.extend(remove_copies(&mut placed, &store.materials.materials));
+    warnings.extend(remove_copies(&mut placed));
     let (file_lights, merged) = groups.finish(scene, lamps, warnings);
     warnings.append(&mut store.undefined);
     warnings.extend(store.warning(scene.bake.albedo_max));

@@ -198,8 +198,8 @@ impl Mesh {
 
     /// Checks indices and that every used value is finite, drops triangles with two corners in one place,
     /// copies of others and vertices that no triangle names; tells how many triangles it dropped. `place`
-    /// names file and mesh; `is_emissive`: whether the file's material shines.
-    pub(super) fn finish(&mut self, place: &str, is_emissive: bool) -> Result<Dropped> {
+    /// names file and mesh.
+    pub(super) fn finish(&mut self, place: &str) -> Result<Dropped> {
         let count = self.positions.len();
         let mut new_from_old = vec![u32::MAX; count];
         let mut used = Vec::new();
@@ -216,7 +216,7 @@ impl Mesh {
         let differ = |a: u32, b: u32| a != b && at(a) != at(b);
         self.triangles.retain(|&[a, b, c]| differ(a, b) && differ(b, c) && differ(c, a));
         let repeated = all - self.triangles.len();
-        let copies = copies::remove(self, is_emissive);
+        let copies = copies::remove(self);
         for triangle in &mut self.triangles {
             for v in triangle {
                 let new = &mut new_from_old[*v as usize];

@@ -57,8 +57,7 @@ pub(super) fn load(
             }
         };
         let (texture, emission) = placements[index];
-        let is_emissive = model.materials[index].emission.is_some();
-        let uses = mesh::Uses { material: index, texture, emission, vt_is_lightmap, is_emissive };
+        let uses = mesh::Uses { material: index, texture, emission, vt_is_lightmap };
         let mesh = mesh::convert(faces, &vertices, &uses, &file, notes)?;
         model.placements.push(NodeMesh {
             mesh: model.meshes.len(),

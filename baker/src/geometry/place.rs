@@ -1,6 +1,7 @@
 //! What stands where: the meshes of the objects at their places, under what the scene file overrides.
 
-use super::copies::most;
+use super::LightmapPlace;
+use super::copies::MOST_COPIES;
 use super::lights::Groups;
 use super::model::{DEFAULT_ALBEDO, Mesh, Model, NodeMesh};
 use super::movable::LeftOut;
@@ -8,7 +9,6 @@ use super::notes;
 use super::originals::{self, Changed, Source};
 use super::overrides::{MaterialStore, resolve};
 use super::texture::TextureStore;
-use super::{LightmapPlace, Material};
 use crate::scene::Object;
 use dataset::Error;
 use glam::DMat4;
@@ -161,9 +161,9 @@ pub(super) fn place<'a>(
     list.into_iter().map(|(placement, _, movable, ..)| (placement, movable)).collect()
 }
 
-/// Removes baked meshes beyond the first few ([`most`]) that lie exactly where an equal one does, and gives
+/// Removes baked meshes beyond the first [`MOST_COPIES`] that lie exactly where an equal one does, and gives
 /// the warning about them.
-pub(super) fn remove_copies(placed: &mut Vec<Placed>, materials: &[Material]) -> Option<String> {
+pub(super) fn remove_copies(placed: &mut Vec<Placed>) -> Option<String> {
     let mut counts: BTreeMap<_, usize> = BTreeMap::new();
     let mut digests: BTreeMap<*const Mesh, blake3::Hash> = BTreeMap::new();
     let mut removed = Vec::new();
@@ -183,7 +183,7 @@ pub(super) fn remove_copies(placed: &mut Vec<Placed>, materials: &[Material]) ->
         let look = (p.material, p.recoloured, p.lightmap, p.density.to_bits());
         let count = counts.entry((*mesh.as_bytes(), numbers, look, place)).or_default();
         *count += 1;
-        let stays = *count <= most(materials[p.material as usize].emission.is_some());
+        let stays = *count <= MOST_COPIES;
         if !stays {
             removed.push(p.name.clone());
         }

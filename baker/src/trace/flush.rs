@@ -1,17 +1,25 @@
 //! Emissive triangles flush with other surfaces, such as luminous panels in a ceiling. Rounding decides which
-//! of the two a path meets; either way the path finds the emission.
+//! of the two a ray meets; either way it finds the emission, and of emissive triangles in one place only that
+//! of the first.
 
-use super::light_point::is_in_plane;
+use super::bvh8::Bvh8;
+use super::light_point::{is_in_plane, tolerance};
 use super::lights::Lights;
 use super::space::Space;
+use super::triangle::Hit;
 use crate::Rgb;
+use crate::geometry::Geometry;
 use glam::{DVec3, Vec3};
+use std::sync::Arc;
 
-/// Pairs of a triangle and an emissive one flush with it.
+/// Where emissive triangles are flush with others.
 #[derive(Debug, Default)]
 pub(super) struct FlushEmitters {
-    /// (Triangle, emissive triangle), sorted.
-    pairs: Vec<(u32, u32)>,
+    /// Per triangle, whether an emissive one is flush with it; empty where none is.
+    covers: Vec<bool>,
+    /// Per material, whether it emits into one of the groups.
+    emits: Vec<bool>,
+    hierarchy: Option<Arc<Bvh8>>,
 }
 
 impl FlushEmitters {
@@ -19,55 +27,89 @@ impl FlushEmitters {
     pub fn new(space: &Space, lights: &Lights) -> Self {
         let geometry = space.geometry;
         let emits = |material: usize| {
-            lights
-                .groups
-                .iter()
-                .any(|group| group.emission.get(material).is_some_and(|radiance| *radiance != Rgb::ZERO))
+            let radiance = lights.groups.iter().filter_map(|group| group.emission.get(material));
+            radiance.into_iter().any(|radiance| *radiance != Rgb::ZERO)
         };
-        let emits: Vec<bool> = (0..geometry.materials.len()).map(emits).collect();
-        let mut pairs = Vec::new();
-        if emits.contains(&true) {
-            let hierarchy = space.ray_tracer.own_hierarchy();
-            // (Emissive glass is passed, and so met, in any case.)
-            let is_emitter = |triangle: &usize| {
-                emits[geometry.material_of[*triangle] as usize] && !geometry.is_glass(*triangle)
-            };
-            for emitter in (0..geometry.triangles.len()).filter(is_emitter) {
-                let corners = geometry.corners(emitter);
-                let [low, high] = bounds(&corners);
-                // (Twice what counts as in a plane.)
-                let margin = 2e-6 * low.abs().max(high.abs()).max_element();
-                hierarchy.any_in_box(low - margin, high + margin, |triangle, others| {
-                    if triangle != emitter as u32 && are_flush(&corners, &others) {
-                        pairs.push((triangle, emitter as u32));
-                    }
-                    false
-                });
-            }
-            pairs.sort_unstable();
+        let mut flush = FlushEmitters {
+            emits: (0..geometry.materials.len()).map(emits).collect(),
+            ..FlushEmitters::default()
+        };
+        if !flush.emits.contains(&true) {
+            return flush;
         }
-        FlushEmitters { pairs }
+        let hierarchy = space.ray_tracer.own_hierarchy();
+        let mut covers = vec![false; geometry.triangles.len()];
+        for emitter in (0..geometry.triangles.len()).filter(|triangle| flush.is_emitter(geometry, *triangle))
+        {
+            let corners = geometry.corners(emitter);
+            let [a, b, c] = corners;
+            let margin = margin(geometry, &corners);
+            let [low, high] = [a.min(b).min(c) - margin, a.max(b).max(c) + margin];
+            hierarchy.any_in_box(low, high, |triangle, others| {
+                let of_others = &mut covers[triangle as usize];
+                *of_others |= triangle != emitter as u32 && are_flush(geometry, &corners, &others);
+                false
+            });
+        }
+        if covers.contains(&true) {
+            (flush.covers, flush.hierarchy) = (covers, Some(hierarchy));
+        }
+        flush
     }
 
-    /// The emissive triangles flush with a triangle.
+    /// (Emissive glass is passed, and so met, in any case.)
+    fn is_emitter(&self, geometry: &Geometry, triangle: usize) -> bool {
+        self.emits[geometry.material_of[triangle] as usize] && !geometry.is_glass(triangle)
+    }
+
+    /// Whether an emissive triangle is flush with this one.
     #[inline]
-    pub fn of(&self, triangle: u32) -> impl Iterator<Item = u32> + '_ {
-        let first =
-            if self.pairs.is_empty() { 0 } else { self.pairs.partition_point(|pair| pair.0 < triangle) };
-        self.pairs[first..].iter().take_while(move |pair| pair.0 == triangle).map(|pair| pair.1)
+    pub fn is_covered(&self, triangle: u32) -> bool {
+        self.covers.get(triangle as usize).copied().unwrap_or(false)
+    }
+
+    /// The triangle whose emission counts where a ray meets a covered one: the first, by index, of those
+    /// there that emit towards the ray.
+    #[cold]
+    pub fn owner(&self, space: &Space, origin: Vec3, direction: Vec3, hit: &Hit) -> Option<Hit> {
+        let geometry = space.geometry;
+        let point = origin + direction * hit.t;
+        let corners = geometry.corners(hit.triangle as usize);
+        let margin = margin(geometry, &corners);
+        let mut owner: Option<Hit> = None;
+        self.hierarchy.as_ref()?.any_in_box(point - margin, point + margin, |triangle, others| {
+            let is_first = owner.is_none_or(|owner| triangle < owner.triangle);
+            let emits_here = || {
+                let is_back = space.front(triangle).dot(direction) > 0.0;
+                self.is_emitter(geometry, triangle as usize)
+                    && (!is_back || space.material(triangle).two_sided)
+                    && (triangle == hit.triangle || are_flush(geometry, &corners, &others))
+            };
+            if is_first && emits_here() {
+                owner = space.ray_tracer.hit_on(origin, direction, triangle).or(owner);
+            }
+            false
+        });
+        owner
     }
 }
 
-fn bounds(corners: &[Vec3; 3]) -> [Vec3; 2] {
-    let [a, b, c] = *corners;
-    [a.min(b).min(c), a.max(b).max(c)]
+/// Twice how far apart triangles are that are flush.
+fn margin(geometry: &Geometry, corners: &[Vec3; 3]) -> f32 {
+    2.0 * tolerance(geometry, size(corners), corners) as f32
+}
+
+/// The largest coordinate of a triangle.
+fn size(corners: &[Vec3; 3]) -> f64 {
+    f64::from(corners.iter().fold(Vec3::ZERO, |m, c| m.max(c.abs())).max_element())
 }
 
 /// Whether two triangles lie in one plane, where they overlap.
-fn are_flush(a: &[Vec3; 3], b: &[Vec3; 3]) -> bool {
-    let size =
-        |corners: &[Vec3; 3]| f64::from(corners.iter().fold(Vec3::ZERO, |m, c| m.max(c.abs())).max_element());
-    let lies_in = |a: &[Vec3; 3], b: &[Vec3; 3]| a.iter().all(|c| is_in_plane(c.as_dvec3(), size(a), b));
+fn are_flush(geometry: &Geometry, a: &[Vec3; 3], b: &[Vec3; 3]) -> bool {
+    let lies_in = |a: &[Vec3; 3], b: &[Vec3; 3]| {
+        let tolerance = tolerance(geometry, size(a), b);
+        a.iter().all(|corner| is_in_plane(corner.as_dvec3(), b, tolerance))
+    };
     (lies_in(a, b) || lies_in(b, a)) && overlap(a, b)
 }
 
@@ -98,6 +140,8 @@ mod tests {
 
     #[test]
     fn only_triangles_that_overlap_in_one_plane_are_flush() {
+        let geometry = Geometry::default();
+        let are_flush = |a: &[Vec3; 3], b: &[Vec3; 3]| are_flush(&geometry, a, b);
         let a = [vec3(0.0, 2.4, 0.0), vec3(1.0, 2.4, 0.0), vec3(0.0, 2.4, 1.0)];
         let moved = |by: Vec3| a.map(|corner| corner + by);
         assert!(are_flush(&a, &a) && are_flush(&a, &moved(vec3(0.3, 0.0, 0.3))));

@@ -8,9 +8,16 @@
 use crate::geometry::Geometry;
 use glam::{DVec3, Vec3};
 
-/// How far off the plane of a surface a light still touches it, as a part of the largest coordinate involved
-/// (of the surface's corners, of both ends of the ray): 16 roundings to `f32`.
+/// How far off the plane of a surface a light still touches it, as a part of the largest coordinate of both
+/// ends of the ray: 16 roundings to `f32`.
 const TOUCHING: f64 = 1e-6;
+
+/// The same of the surface's corners, which are rounded once: 4 roundings.
+const OF_CORNERS: f64 = 0.25;
+
+/// In files, too, positions are rounded to `f32`, from their zero. Coordinates above this many metres are no
+/// reason for a larger tolerance, which would be wider than things are.
+const FARTHEST: f64 = 1e3;
 
 /// The part of a shadow ray within which it meets what touches the light.
 const NEAR_END: f32 = 0.01;
@@ -43,14 +50,22 @@ impl LightPoint {
     /// Whether the point lies in the plane of a triangle that the ray meets near its end.
     #[cold]
     pub fn touches(&self, geometry: &Geometry, triangle: u32) -> bool {
-        is_in_plane(self.point, self.size, &geometry.corners(triangle as usize))
+        let corners = geometry.corners(triangle as usize);
+        is_in_plane(self.point, &corners, tolerance(geometry, self.size, &corners))
     }
 }
 
-/// Whether a point lies in a triangle's plane; `size`: the largest coordinate that went into the point.
-pub(super) fn is_in_plane(point: DVec3, size: f64, corners: &[Vec3; 3]) -> bool {
+/// How far off a triangle's plane a point of a light still touches it, in metres; `size`: the largest
+/// coordinate that went into the point.
+pub(super) fn tolerance(geometry: &Geometry, size: f64, corners: &[Vec3; 3]) -> f64 {
+    let largest = corners.iter().fold(Vec3::ZERO, |m, corner| m.max(corner.abs())).max_element();
+    let in_file = geometry.origin.abs().max_element().min(FARTHEST);
+    TOUCHING * size.max(OF_CORNERS * f64::from(largest)).max(in_file)
+}
+
+/// Whether a point lies in a triangle's plane but for a tolerance.
+pub(super) fn is_in_plane(point: DVec3, corners: &[Vec3; 3], tolerance: f64) -> bool {
     let [a, b, c] = corners.map(Vec3::as_dvec3);
     let normal = (b - a).cross(c - a).normalize_or_zero();
-    let largest = corners.iter().fold(Vec3::ZERO, |m, corner| m.max(corner.abs())).max_element();
-    (point - a).dot(normal).abs() <= TOUCHING * size.max(f64::from(largest))
+    (point - a).dot(normal).abs() <= tolerance
 }

@@ -209,14 +209,20 @@ impl<'a> Transport<'a> {
             Some(emitter) if group.has_maps => self.mapped(at, group, &s, emitter)?,
             _ => s.irradiance,
         };
-        counts.lamp += 1;
+        let rays = self.space.ray_tracer;
         let distance = match s.emitter {
             Some((triangle, _)) => {
-                self.space.ray_tracer.distance_to(at.origin, s.direction, s.distance, triangle)
+                let distance = rays.distance_to(at.origin, s.direction, s.distance, triangle);
+                if self.flush.is_covered(triangle) {
+                    let hit = Hit { triangle, barycentric: Vec3::ZERO, t: distance };
+                    let owner = self.flush.owner(&self.space, at.origin, s.direction, &hit);
+                    owner.filter(|owner| owner.triangle == triangle)?;
+                }
+                distance
             }
             None => s.distance,
         };
-        let rays = self.space.ray_tracer;
+        counts.lamp += 1;
         let through = match s.is_flat {
             true => rays.transmittance_of_light(at.origin, s.direction, distance, at.triangle),
             false => rays.transmittance(at.origin, s.direction, distance, at.triangle),
@@ -323,20 +329,17 @@ impl<'a> Transport<'a> {
                 let mut add_emission = |hit: &Hit| {
                     self.add_emission(&at, direction, pdf, hit, beta, out, hit_light.as_deref_mut());
                 };
-                if !is_glass {
-                    for emitter in self.flush.of(hit.triangle) {
-                        self.space
-                            .ray_tracer
-                            .hit_on(at.origin, direction, emitter)
-                            .iter()
-                            .for_each(&mut add_emission);
+                match !is_glass && self.flush.is_covered(hit.triangle) {
+                    true => {
+                        let owner = self.flush.owner(&self.space, at.origin, direction, &hit);
+                        owner.iter().for_each(add_emission);
                     }
+                    false => add_emission(&hit),
+                }
+                if !is_glass {
                     if absorbs {
                         return if vertex == 0 && sky.is_none() { FirstHit::Back } else { FirstHit::Other };
                     }
-                }
-                add_emission(&hit);
-                if !is_glass {
                     break (hit, is_back);
                 }
                 let choice = || sample.number(dimension::pane(vertex, panes));

@@ -359,8 +359,7 @@ impl Reader<'_> {
             pose.apply(&self.asset, primitive, joints, &mut result, &place)?;
         }
         // (Those it drops join the strips that some exporters write.)
-        let is_emissive = self.model.materials[material].emission.is_some();
-        result.finish(&place, is_emissive)?.note_copies(self.asset.file, &part(), self.notes);
+        result.finish(&place)?.note_copies(self.asset.file, &part(), self.notes);
         self.model.meshes.push(result);
         Ok(())
     }
