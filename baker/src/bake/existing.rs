@@ -30,8 +30,9 @@ pub const REPORT: &str = "report.html";
 /// The outcome of the earlier run, if `out` holds exactly this bake, whole.
 pub fn up_to_date(out: &Path, inputs: &str, options: &Options, start: Instant) -> Option<Outcome> {
     let dataset = Dataset::open(out).ok().filter(|_| !options.force)?;
-    // (One that an earlier version wrote is written again, from the layers kept beside it.)
-    if dataset.version != VERSION || dataset.config.inputs != inputs || !has_geometry(&dataset) {
+    // (One that an earlier version wrote is written again, from the layers kept beside it, and so is one of
+    // which a file is damaged.)
+    if dataset.version != VERSION || dataset.config.inputs != inputs || !is_whole(&dataset) {
         return None;
     }
     let run: Outcome = serde_json::from_slice(&std::fs::read(out.join(RUN)).ok()?).ok()?;
@@ -67,14 +68,12 @@ pub fn refresh(out: &Path, settings: &serde_json::Value) -> Result<()> {
     Writer::create(out)?.commit(&config)
 }
 
-/// Whether the geometry stands in a dataset as it was written, under both of its names. It is what games and
-/// viewers load, and unlike the lightmaps nothing reads it again: a copy that was cut short or changed would
-/// stay.
-fn has_geometry(dataset: &Dataset) -> bool {
-    let Some(file) = &dataset.config.geometry else { return true };
+/// Whether all files of a dataset are as they were written, the geometry under both of its names.
+fn is_whole(dataset: &Dataset) -> bool {
     // (The plain name is a second link to the same file, or a copy of it.)
-    let named = FileRef { path: GLB.to_owned(), ..file.clone() };
-    dataset.verified(file).is_ok() && dataset.verified(&named).is_ok()
+    let named = dataset.config.geometry.iter().map(|file| FileRef { path: GLB.to_owned(), ..file.clone() });
+    dataset.files().all(|file| dataset.verified(file).is_ok())
+        && named.into_iter().all(|file| dataset.verified(&file).is_ok())
 }
 
 /// Refuses a folder that is no dataset's, nor holds the work of a bake, and in which files of those names

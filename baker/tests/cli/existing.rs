@@ -58,7 +58,7 @@ fn a_second_run_says_in_a_line_that_nothing_is_to_do() {
 }
 
 #[test]
-fn a_damaged_or_missing_copy_of_the_geometry_is_made_again() {
+fn a_damaged_image_or_copy_of_the_geometry_is_made_again() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("court");
     assert!(court(&out, "2", "path").status().unwrap().success());
@@ -67,24 +67,27 @@ fn a_damaged_or_missing_copy_of_the_geometry_is_made_again() {
     let stored = before.iter().find(|(name, _)| name.starts_with("scene-")).unwrap();
     let (stored, is_same) = (out.join("data").join(&stored.0), stored.1 == whole);
     assert!(is_same);
-    let flipped = || {
-        let mut bytes = whole.clone();
+    let flip = |bytes: &[u8]| {
+        let mut bytes = bytes.to_vec();
         let middle = bytes.len() / 2;
         bytes[middle] ^= 1;
         bytes
     };
+    let flipped = || flip(&whole);
+    let (frame, image) = before.iter().find(|(name, _)| name.starts_with("frame-")).unwrap();
     // A copy takes the link's place, or both names are of one damaged file.
     let copy = |bytes: &[u8]| {
         std::fs::remove_file(&plain).unwrap();
         std::fs::write(&plain, bytes).unwrap();
     };
     type Damage<'a> = (&'a str, &'a dyn Fn());
-    let damages: [Damage; 5] = [
+    let damages: [Damage; 6] = [
         ("copy cut short", &|| copy(&whole[..whole.len() / 2])),
         ("copy with a bit flipped", &|| copy(&flipped())),
         ("no copy", &|| std::fs::remove_file(&plain).unwrap()),
         ("file with a bit flipped", &|| std::fs::write(&stored, flipped()).unwrap()),
         ("file cut short", &|| std::fs::write(&stored, &whole[..9]).unwrap()),
+        ("image with a bit flipped", &|| std::fs::write(out.join("data").join(frame), flip(image)).unwrap()),
     ];
     for (how, damage) in damages {
         damage();
