@@ -35,6 +35,7 @@ pub use lights::FileLights;
 pub use load::{load, load_with};
 pub(crate) use model::{Asset, Mesh};
 pub(crate) use motion::{Elements, Motion, Use, index, is_deformable, use_of};
+pub(crate) use names::fits;
 pub use originals::Originals;
 pub(crate) use originals::{File, Placed, Source};
 pub use similarity::Similarity;

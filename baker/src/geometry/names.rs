@@ -1,7 +1,7 @@
 //! Which names apply to a mesh or a lamp of a file: its own and those of every node above, nearest first.
 
 /// Whether a name fits a pattern, `*` standing for any run of characters.
-pub(super) fn fits(pattern: &str, name: &str) -> bool {
+pub(crate) fn fits(pattern: &str, name: &str) -> bool {
     let (pattern, name): (Vec<char>, Vec<char>) = (pattern.chars().collect(), name.chars().collect());
     let (mut p, mut n) = (0, 0);
     // The last star, and how much it swallows so far.

@@ -8,6 +8,8 @@ const WORDS: &[&str] = &[
     "emission",
     "emissive",
     "emitter",
+    "fire",
+    "flame",
     "floodlight",
     "glow",
     "headlight",

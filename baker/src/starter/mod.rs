@@ -161,8 +161,13 @@ fn plain(text: &str) -> String {
 /// The path of a model as a scene file in another folder names it, with slashes also where folders are
 /// divided otherwise.
 fn from_folder_of(scene_file: &Path, model: &Path) -> Result<String> {
-    let absolute = |path: &Path| std::path::absolute(path).map_err(Error::io(path));
-    let (model, scene) = (absolute(model)?, absolute(scene_file)?);
-    let relative = relative_to(scene.parent().unwrap_or(Path::new("")), &model);
+    // (Without `..` and links to folders: what is left of a path after a step up depends on where they lead.)
+    let real = |path: &Path| {
+        let path = if path == Path::new("") { Path::new(".") } else { path };
+        path.canonicalize().map_err(Error::io(path))
+    };
+    let folder = real(scene_file.parent().unwrap_or(Path::new("")))?;
+    let models = real(model.parent().unwrap_or(Path::new("")))?;
+    let relative = relative_to(&folder, &models.join(model.file_name().unwrap_or_default()));
     Ok(relative.components().map(|c| c.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/"))
 }

@@ -165,7 +165,9 @@ fn a_model_whose_z_axis_points_up_is_turned() {
         "{a:?} {b:?}"
     );
     assert!(
-        found["warnings"].to_string().contains("court.obj: its z axis points up, by its floors"),
+        found["warnings"]
+            .to_string()
+            .contains("court.obj: judging by its floors and height, its z axis points up"),
         "{found}"
     );
     let written: toml::Value =
@@ -214,6 +216,23 @@ fn emission_of_leaves_and_faint_emission_are_switched_off() {
     let plan = bake(&[text(&scene), "--hours", "0", "--plan", "--json"]);
     let warnings = json(&plan)["warnings"].to_string();
     assert!(!warnings.contains("lit all day"), "{warnings}");
+    // A part by that name would take the panel's mesh, too.
+    let obj = std::fs::read_to_string(&model).unwrap().replace("o mesh3", "o dot");
+    std::fs::write(&model, obj).unwrap();
+    let found = json(&bake(&["new", text(&model), "--force", "--json"]));
+    assert_eq!(found["models"][0]["switched_off"], serde_json::json!(["faint", "leaf"]));
+}
+
+#[test]
+fn paths_of_models_hold_whatever_the_way_to_them() {
+    let dir = tempfile::tempdir().unwrap();
+    let [models, scenes] = ["models", "scenes"].map(|folder| dir.path().join(folder));
+    [&models, &scenes].into_iter().for_each(|folder| std::fs::create_dir(folder).unwrap());
+    std::fs::copy(fixture("court.obj"), models.join("court.obj")).unwrap();
+    let out = models.join("../scenes/one.toml");
+    bake(&["new", text(&scenes.join("../models/court.obj")), "--out", text(&out)]);
+    let written = std::fs::read_to_string(scenes.join("one.toml")).unwrap();
+    assert!(written.contains("file = \"../models/court.obj\""), "{written}");
 }
 
 #[test]
