@@ -52,7 +52,7 @@ impl Model {
     pub fn names_of_mesh(&self, placement: &NodeMesh) -> Names<'_> {
         let mesh = &self.meshes[placement.mesh];
         let material = self.materials[mesh.material].name.as_str();
-        self.tree.names([material, self.node_name(placement), mesh.name.as_str()], placement.node)
+        self.tree.names_at(placement.node, material, &mesh.name)
     }
 
     /// The names that apply to a lamp, nearest first: of its node and its light, and of every node above.
@@ -71,11 +71,6 @@ impl Model {
         names.retain(|name| !name.is_empty());
         names.dedup();
         names.join("/")
-    }
-
-    /// The name of a placed mesh's node, or empty.
-    fn node_name(&self, placement: &NodeMesh) -> &str {
-        placement.node.map_or("", |node| self.tree.nodes[node].name.as_str())
     }
 }
 

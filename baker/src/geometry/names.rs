@@ -23,13 +23,14 @@ pub(crate) fn fits(pattern: &str, name: &str) -> bool {
 }
 
 /// The nodes of a file, every parent before its children; an OBJ has none.
-#[derive(Default)]
-pub(super) struct Tree {
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Tree {
     pub nodes: Vec<TreeNode>,
 }
 
 /// A node of a file.
-pub(super) struct TreeNode {
+#[derive(Clone, Debug)]
+pub(crate) struct TreeNode {
     /// Its index in the glTF.
     pub index: usize,
     /// Its name, or empty.
@@ -41,7 +42,7 @@ pub(super) struct TreeNode {
 }
 
 /// The names that apply to something at a node.
-pub(super) struct Names<'a> {
+pub(crate) struct Names<'a> {
     own: Vec<&'a str>,
     tree: &'a Tree,
     /// The node above those whose names are its own.
@@ -66,6 +67,12 @@ impl Tree {
         let mut kept: Vec<&str> = own.into_iter().filter(|name| !name.is_empty()).collect();
         kept.dedup();
         Names { own: kept, tree: self, above: node.and_then(|node| self.nodes[node].parent) }
+    }
+
+    /// The names of a mesh at a node: of its material, node and mesh, and of every node above.
+    pub fn names_at<'a>(&'a self, node: Option<usize>, material: &'a str, mesh: &'a str) -> Names<'a> {
+        let at = node.map_or("", |node| self.nodes[node].name.as_str());
+        self.names([material, at, mesh], node)
     }
 
     /// The names of a node by itself.

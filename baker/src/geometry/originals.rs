@@ -4,6 +4,7 @@ use super::contents::FileCamera;
 use super::model::{Asset, Mesh, Model, NodeMesh};
 use super::motion::Motion;
 use super::movable::{LeftOut, Moving};
+use super::names::{Names, Tree};
 use super::{Glass, Material};
 use crate::scene::SurfaceOverrides;
 use glam::DMat4;
@@ -43,6 +44,8 @@ pub(crate) struct File {
     pub cameras: Vec<FileCamera>,
     /// What the file hides: it is not baked.
     pub hidden: Vec<Hidden>,
+    /// Its nodes.
+    tree: Tree,
     /// What only a glTF holds.
     pub gltf: Option<Asset>,
 }
@@ -88,6 +91,8 @@ pub(crate) struct Source {
     pub mesh: usize,
     /// Index of its node in the glTF.
     pub node: Option<usize>,
+    /// The node's place in the tree of its file.
+    pub(super) in_tree: Option<usize>,
     /// Whether a skin places it, in the space of the file.
     pub is_skinned: bool,
     /// Where it stands relative to its node, and as which of the node's instances.
@@ -140,7 +145,14 @@ impl File {
         let hidden =
             model.placements.iter().filter(|p| p.is_hidden && !model.meshes[p.mesh].triangles.is_empty());
         let hidden = hidden.filter_map(of).collect();
-        File { name, meshes: model.meshes, materials, cameras, hidden, gltf: model.asset }
+        File { name, meshes: model.meshes, materials, cameras, hidden, tree: model.tree, gltf: model.asset }
+    }
+
+    /// The names that apply to something placed of the file, nearest first, as
+    /// [`Model::names_of_mesh`](super::model::Model::names_of_mesh).
+    pub(crate) fn names_of(&self, source: &Source) -> Names<'_> {
+        let mesh = &self.meshes[source.mesh];
+        self.tree.names_at(source.in_tree, &self.materials[mesh.material], &mesh.name)
     }
 }
 

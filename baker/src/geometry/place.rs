@@ -143,6 +143,7 @@ pub(super) fn place<'a>(
                 object: first_object + i,
                 mesh: placement.mesh,
                 node: placement.node.map(|node| model.tree.nodes[node].index),
+                in_tree: placement.node,
                 is_skinned: placement.is_skinned,
                 repeat: placement.repeat,
                 changed: Changed::by(overrides),

@@ -4,8 +4,7 @@
 use super::glowing::is_glowing;
 use crate::geometry::{Geometry, fits};
 use crate::light::luminance;
-use serde_json::Value;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::PI;
 
 /// A material that is switched off.
@@ -37,12 +36,15 @@ struct Emitter {
 /// `geometry` was loaded from, in its own unit of so many metres.
 pub fn switched_off(geometry: &Geometry, models: usize, metres: f64) -> Vec<Vec<SwitchedOff>> {
     let mut emitters: BTreeMap<(usize, &str), Emitter> = BTreeMap::new();
+    // Per model, the names by which a part applies to an emitter, each with the emitter's material.
+    let mut parts = vec![BTreeSet::new(); models];
     for (instance, source) in geometry.instances.iter().zip(geometry.originals.baked()) {
         let Some(first) = instance.triangles.clone().next() else { continue };
         let material = &geometry.materials[geometry.material_of[first] as usize];
         let Some(emission) = material.emission else { continue };
         let file = &geometry.originals.files[geometry.originals.objects[source.object].file];
         let name = file.materials[file.meshes[source.mesh].material].as_str();
+        parts[source.object].extend(file.names_of(source).iter().map(|part| (part, name)));
         let emitter = emitters.entry((source.object, name)).or_default();
         emitter.is_cut_out |= material.alpha_cutoff.is_some();
         let names = instance.name.split_once(": ").map_or("", |(_, names)| names);
@@ -60,7 +62,7 @@ pub fn switched_off(geometry: &Geometry, models: usize, metres: f64) -> Vec<Vec<
     let mut off = vec![Vec::new(); models];
     for ((model, name), emitter) in emitters {
         // (Without a name there is no key that switches it off.)
-        if name.is_empty() || emitter.is_named_like_a_lamp || takes_others(geometry, model, name) {
+        if name.is_empty() || emitter.is_named_like_a_lamp {
             continue;
         }
         let lumens = 1000.0 * PI * emitter.radiance_by_area * metres * metres;
@@ -72,33 +74,10 @@ pub fn switched_off(geometry: &Geometry, models: usize, metres: f64) -> Vec<Vec<
             () if lumens < LEAST_LUMENS => format!("less than {LEAST_LUMENS} lm in all"),
             () => continue,
         };
-        off[model].push(SwitchedOff { name: name.to_owned(), why });
-    }
-    off
-}
-
-/// Whether a part by the name of a material of a model would switch off other materials, too, for that is
-/// also the name of a mesh of theirs, or of a node above.
-fn takes_others(geometry: &Geometry, model: usize, name: &str) -> bool {
-    let originals = &geometry.originals;
-    let file = &originals.files[originals.objects[model].file];
-    let nodes =
-        file.gltf.as_ref().and_then(|asset| asset.root["nodes"].as_array()).map_or(&[][..], Vec::as_slice);
-    let mut parents = vec![None; nodes.len()];
-    for (parent, node) in nodes.iter().enumerate() {
-        for child in node["children"].as_array().into_iter().flatten().filter_map(Value::as_u64) {
-            parents.get_mut(child as usize).into_iter().for_each(|of_child| *of_child = Some(parent));
+        // A part by that name may take others along, for nodes and meshes have names, too.
+        if parts[model].iter().all(|&(part, of)| of == name || !fits(name, part)) {
+            off[model].push(SwitchedOff { name: name.to_owned(), why });
         }
     }
-    let of_model =
-        geometry.instances.iter().zip(originals.baked()).filter(|(_, source)| source.object == model);
-    of_model.into_iter().any(|(instance, source)| {
-        let mesh = &file.meshes[source.mesh];
-        let first = instance.triangles.start;
-        let emits = geometry.materials[geometry.material_of[first] as usize].emission.is_some();
-        let above = std::iter::successors(source.node, |&node| parents.get(node).copied().flatten());
-        let named = |node: usize| nodes.get(node).and_then(|node| node["name"].as_str());
-        let names = above.filter_map(named).chain([mesh.name.as_str(), &file.materials[mesh.material]]);
-        emits && file.materials[mesh.material] != name && names.into_iter().any(|other| fits(name, other))
-    })
+    off
 }
