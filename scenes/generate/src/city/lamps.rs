@@ -71,7 +71,7 @@ fn shaft(top: f64) -> Mesh {
     )
 }
 
-/// A mast whose top bends over the road into a shallow bell, open below.
+/// A mast whose top bends over the road to a shallow bell, open below.
 fn arm_post(model: &mut Model) -> Vec<usize> {
     let [height, reach] = ARM;
     let straight = height - 0.6;
@@ -80,9 +80,9 @@ fn arm_post(model: &mut Model) -> Vec<usize> {
         let p = DVec3::new(0.0, straight + 0.95 * a.sin(), reach / 2.0 * (1.0 - a.cos()));
         (p, 0.05 - 0.006 * a)
     }));
-    path.push((DVec3::new(0.0, height - 0.45, reach), 0.03));
-    path.push((DVec3::new(0.0, height + 0.1, reach), 0.03));
-    let path: Vec<_> = path.into_iter().filter(|(p, _)| p.z < reach - 0.01 || p.y > height + 0.1).collect();
+    // (The bend ends level with the bell's neck, above the lamp in the bell.)
+    let neck = DVec3::new(0.0, height + 0.28, reach);
+    let path: Vec<_> = path.into_iter().filter(|(p, _)| p.z < reach / 2.0 || p.y > neck.y).collect();
     let mut iron = shaft(straight).with(tube_side(&path, 10));
     // A scroll that braces the bend, and the bell.
     let scroll: Vec<_> = steps(0.0, 1.6 * PI, 16)
@@ -94,7 +94,7 @@ fn arm_post(model: &mut Model) -> Vec<usize> {
         .collect();
     iron.append(tube(&scroll, 6));
     let end = path.last().expect("points").0;
-    let hanger = [(end, 0.036), (DVec3::new(0.0, height + 0.1, reach), 0.03)];
+    let hanger = [(end, 0.036), (neck, 0.03)];
     iron.append(tube(&hanger, 8));
     let bell = lathe(
         &[&[(0.3, 0.02), (0.3, 0.06)], &[(0.3, 0.06), (0.2, 0.16), (0.08, 0.22), (0.06, 0.34), (0.0, 0.36)]],
