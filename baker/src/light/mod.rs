@@ -7,6 +7,7 @@ pub mod visibility_times;
 pub mod curves;
 mod sky_image;
 pub mod harmonics;
+mod hosek_wilkie;
 mod sky_model;
 pub mod sky;
 pub mod ground;

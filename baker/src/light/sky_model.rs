@@ -1,17 +1,16 @@
 //! The sky's radiance by direction: Hosek–Wilkie by day, twilight, night.
 //!
-//! Hosek & Wilkie 2012, "An Analytic Model for Full Spectral Sky-Dome Radiance", covers solar elevations from
-//! 0 up. Below, a twilight follows that keeps the model's last picture, fades it into a smooth one (darker
-//! and bluer overhead, a warm glow over the sun) and scales both to published illuminances; from −18° on an
-//! even night sky stays.
+//! Hosek and Wilkie's model covers solar elevations from 0 up. Below, a twilight follows that keeps the
+//! model's last picture, fades it into a smooth one (darker and bluer overhead, a warm glow over the sun) and
+//! scales both to published illuminances; from −18° on an even night sky stays.
 
 use super::harmonics::{Harmonic, harmonics, part_at};
+use super::hosek_wilkie::HosekWilkie;
 use super::sky_image::ImageMap;
 use super::{luminance, sun};
 use crate::Rgb;
 use crate::scene::{Location, Sky};
 use glam::{Vec2, Vec3};
-use hw_skymodel::rgb::{Channel, SkyParams, SkyState};
 use rayon::prelude::*;
 use std::f32::consts::{FRAC_PI_2, PI};
 
@@ -58,7 +57,7 @@ pub(super) struct Dome {
     /// Its horizontal part, unit (or zero at the nadir).
     azimuth: Vec3,
     /// Hosek–Wilkie at this elevation or at 0, and its weight.
-    day: Option<(SkyState, f32)>,
+    day: Option<(HosekWilkie, f32)>,
     /// Weight of the twilight picture.
     twilight: f32,
     /// Radiance of the even, white night sky.
@@ -115,8 +114,8 @@ impl Dome {
     /// `elevation` of the sun in degrees.
     fn new(sun: Vec3, elevation: f64, turbidity: f64, ground_albedo: f64) -> Self {
         let azimuth = sun.with_y(0.0).normalize_or_zero();
-        let state = hosek_wilkie(elevation.max(0.0), turbidity, ground_albedo);
-        let mut dome = Self { sun, azimuth, day: state.map(|s| (s, 1.0)), twilight: 0.0, night: Rgb::ZERO };
+        let model = hosek_wilkie(elevation.max(0.0), turbidity, ground_albedo);
+        let mut dome = Self { sun, azimuth, day: Some((model, 1.0)), twilight: 0.0, night: Rgb::ZERO };
         let depression = -elevation;
         if depression <= 0.0 {
             return dome;
@@ -131,7 +130,7 @@ impl Dome {
         let dark = smoothstep((depression - 12.0) / 6.0);
         let total = twilight_illuminance(depression, f64::from(sunset)) as f32;
         // … and the sum.
-        dome.day = dome.day.filter(|_| late < 1.0).map(|(state, _)| (state, total * (1.0 - late) / sunset));
+        dome.day = (late < 1.0).then(|| (model, total * (1.0 - late) / sunset));
         dome.twilight = total * late * (1.0 - dark) / twilight;
         dome.night = Rgb::splat(total * dark / PI);
         dome
@@ -140,12 +139,10 @@ impl Dome {
     /// Radiance in a direction with y ≥ 0.
     fn radiance(&self, direction: Vec3) -> Rgb {
         let mut radiance = self.night;
-        if let Some((state, weight)) = &self.day {
+        if let Some((model, weight)) = &self.day {
             let theta = direction.y.clamp(0.0, 1.0).acos();
             let gamma = direction.dot(self.sun).clamp(-1.0, 1.0).acos();
-            let channel = |c| state.radiance(theta, gamma, c);
-            let model = Rgb::new(channel(Channel::R), channel(Channel::G), channel(Channel::B));
-            radiance += model.max(Rgb::ZERO) * (KCD_PER_MODEL_UNIT * weight);
+            radiance += model.radiance(theta, gamma).max(Rgb::ZERO) * (KCD_PER_MODEL_UNIT * weight);
         }
         if self.twilight > 0.0 {
             radiance += self.glow(direction) * self.twilight;
@@ -167,10 +164,10 @@ impl Dome {
 const TWILIGHT_BLUE: Rgb = Rgb::new(0.785, 0.993, 1.706);
 const TWILIGHT_WARM: Rgb = Rgb::new(1.564, 0.893, 0.405);
 
-fn hosek_wilkie(elevation: f64, turbidity: f64, ground_albedo: f64) -> Option<SkyState> {
+/// The model, its arguments clamped to where it is defined.
+fn hosek_wilkie(elevation: f64, turbidity: f64, ground_albedo: f64) -> HosekWilkie {
     let elevation = (elevation.to_radians() as f32).clamp(0.0, FRAC_PI_2);
-    let albedo = [ground_albedo.clamp(0.0, 1.0) as f32; 3];
-    SkyState::new(&SkyParams { elevation, turbidity: turbidity.clamp(1.0, 10.0) as f32, albedo }).ok()
+    HosekWilkie::new(elevation, turbidity.clamp(1.0, 10.0) as f32, ground_albedo.clamp(0.0, 1.0) as f32)
 }
 
 /// Horizontal illuminance in klx for a solar depression in degrees: the table, log-linear between its

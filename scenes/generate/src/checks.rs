@@ -14,7 +14,8 @@ pub fn committed(name: &str, model: &Model, limit: usize) {
     let same = committed.iter().zip(&written).take_while(|(a, b)| a == b).count();
     assert!(
         committed == written,
-        "scenes/{name}.glb differs from byte {same} on: run `cargo run -p generate -- {name}`"
+        "scenes/{name}.glb differs from byte {same} on: run `cargo run --release --manifest-path \
+         scenes/generate/Cargo.toml -- {name}`"
     );
     assert!(written.len() < limit, "{} bytes", written.len());
 }

@@ -1,8 +1,8 @@
 //! A small file in the forms that tools for the web write: meshopt-compressed views, GPU instances, vertex
 //! colours.
 
-use super::ground;
 use crate::shapes::{ALL, block};
+use crate::stress::ground;
 use serde_json::{Value, json};
 
 /// Where the blocks stand, in metres.

@@ -1,8 +1,8 @@
 //! What shines in files: an emissive texture, emission of some strength, and lamps of three kinds.
 
-use super::ground;
 use crate::model::Material;
 use crate::shapes::{ALL, SOUTH, block};
+use crate::stress::ground;
 use crate::textures::texture;
 use serde_json::{Value, json};
 

@@ -154,14 +154,12 @@ impl Mesh {
     }
 
     /// Enclosed volume in m³ of a closed mesh, positive when the faces look outwards.
-    #[cfg(test)]
     pub fn volume(&self) -> f64 {
         self.corners().map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum()
     }
 
     /// Whether every edge is met by as many faces in one direction as in the other (positions compared to 1
     /// µm).
-    #[cfg(test)]
     pub fn is_closed(&self) -> bool {
         let key = |p: DVec3| (p * 1e6).round().as_i64vec3().to_array();
         let mut balance = std::collections::BTreeMap::new();

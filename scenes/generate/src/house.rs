@@ -69,3 +69,31 @@ pub fn field() -> Model {
     model.add("field", "grass", block([-half, -1.0, -half], [half, -0.1, half], crate::shapes::TOP));
     model
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::checks;
+
+    #[test]
+    fn both_are_valid_gltf_and_the_same_each_time() {
+        for build in [house, field] {
+            let model = build();
+            checks::valid_gltf(&model);
+            assert!(crate::glb::write(&model) == crate::glb::write(&build()));
+        }
+    }
+
+    #[test]
+    fn the_fixtures_files_are_what_is_generated() {
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/fixtures");
+        for name in crate::FIXTURES {
+            let kept = std::fs::read(folder.join(format!("{name}.glb"))).unwrap();
+            assert!(
+                crate::generate(name).unwrap().glb == kept,
+                "{name}: cargo run --release --manifest-path scenes/generate/Cargo.toml -- {name} \
+                 tests/fixtures/{name}.glb"
+            );
+        }
+    }
+}

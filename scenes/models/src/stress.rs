@@ -1,12 +1,4 @@
-//! Stress scenes for tests. They are generated where they are needed and have no file in this folder.
-
-pub mod big;
-pub mod glass;
-pub mod glow;
-pub mod house;
-pub mod packed;
-#[cfg(test)]
-mod tests;
+//! Slivers and tiny charts over a patch of ground.
 
 use crate::mesh::Mesh;
 use crate::model::{Material, Model};
@@ -18,11 +10,11 @@ use std::f64::consts::TAU;
 /// Half the side of the ground under both scenes, in metres.
 const GROUND: f64 = 4.0;
 /// Slivers of each kind.
-const SLIVERS: usize = 400;
+pub(crate) const SLIVERS: usize = 400;
 /// Widths of slivers in metres: from what a texel may show down to less than `f32` resolves.
 const WIDTHS: [f64; 2] = [1e-2, 1e-12];
 /// The bits stand in a square grid with this many on a side.
-const BITS: usize = 100;
+pub(crate) const BITS: usize = 100;
 /// Side lengths of bits in metres.
 const SIDES: [f64; 2] = [0.005, 0.04];
 
@@ -97,7 +89,7 @@ pub fn charts() -> Model {
 }
 
 /// A patch of ground and two materials.
-fn ground() -> Model {
+pub(crate) fn ground() -> Model {
     let mut model = Model::default();
     for (name, albedo) in [("grey", 0.5), ("pale", 0.7)] {
         let (albedo, texture) = ([albedo; 3], None);
@@ -121,7 +113,7 @@ fn width(random: &mut Random) -> f64 {
 }
 
 /// As the file will hold it.
-fn rounded(point: DVec3) -> DVec3 {
+pub(crate) fn rounded(point: DVec3) -> DVec3 {
     point.as_vec3().as_dvec3()
 }
 
