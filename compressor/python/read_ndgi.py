@@ -56,24 +56,20 @@ class Bundle:
     def __init__(self, path):
         self.data, self.at, self.index, self.suns = open(path, 'rb').read(), 0, {}, {}
         magic, version, end, length, digest = self.take('8sIIQQ')
-        check(magic == b'NDGI\r\n\x1a\n' and version in (3, 4), 'not an NDGI bundle of version 3 or 4')
-        check(end % 16 == 0 and 56 <= end <= min(2**28, length) and length == len(self.data), 'header damaged, or file truncated')
+        check(magic == b'NDGI\r\n\x1a\n', 'not an NDGI bundle')
+        check(version == 4, f'bundle version {version}; this reader reads version 4' + ': compress its dataset again' * (version < 4))
+        check(end % 16 == 0 and 80 <= end <= min(2**28, length) and length == len(self.data), 'header damaged, or file truncated')
         check(checksum(self.data[:24] + self.data[32:end]) == digest, 'header damaged')
-        new, between, streams, times, seen, block = version == 4, 0, 1, 0, 0, 0
-        (side, border), self.coding = self.take('2I'), 0 if new else self.take('I')[0]
-        if new:
-            self.n, between, pages, groups, streams, times, seen, zero, block = self.take('8IQ')
-        else:
-            self.n, pages, groups = self.take('3I')
-        check((side, border) == (128, 1) and self.coding in (0, 1), 'tile side, border or coding unknown')
-        self.scene, self.info, self.pages = self.text(), self.text(), [self.take('3I' if new else '2I')[-2:] for _ in range(pages)]
+        side, border, self.n, between, pages, groups, streams, times, seen, zero, block = self.take('10IQ')
+        check((side, border) == (128, 1), 'tile side or border unknown')
+        self.scene, self.info, self.pages = self.text(), self.text(), [self.take('3I')[1:] for _ in range(pages)]
         self.hours, self.between = np.array(self.take(f'{self.n}d')), np.array(self.take(f'{between}d'))
         self.knots = np.sort(np.concatenate([self.hours, self.between]))
         check(np.all(np.diff(self.knots) > 0) and 0 <= self.knots[0] and self.knots[-1] < 24, 'hours out of order')
         group = lambda: (self.text(), [self.take('2d') for _ in range(*self.take('I'))], np.array(self.take(f'{self.n}B')))
         self.groups = [group() for _ in range(groups)]
         check(all(max(on) <= 1 and all(0 <= x <= 24 for k in spans for x in k) for _, spans, on in self.groups), 'light groups')
-        kinds = [self.take('3I') for _ in range(streams)] if new else [(0, 0, 1)]
+        kinds = [self.take('3I') for _ in range(streams)]
         check(len({k[:2] for k in kinds}) == streams and (0, 0, 1) in kinds, 'streams')
         check(all(kind in (0, 1, 2) or not flags & 1 for kind, _, flags in kinds), 'a stream that this reader does not know, and must')
         check(all(k[1:] == (0, 0) for k in kinds if k[0] in (1, 2)) and ((1, 0, 0) in kinds) == (times + seen > 0) and ((2, 0, 0) not in kinds or (1, 0, 0) in kinds), 'streams of the sun')
@@ -91,13 +87,12 @@ class Bundle:
         check(not any(self.data[first:end]), 'header too long')
         lit = sum(sections[features][0] > 0 for *_, sections in lines)
         line, offset, self.resident = 8 + 8 * len(self.knots), end, {}
-        if new:
-            whole = self.data[end:end + lit * line]
-            check(len(whole) == lit * line and checksum(whole) == block, 'resident block damaged')
-            offset += (lit * line + 15) // 16 * 16
+        whole = self.data[end:end + lit * line]
+        check(len(whole) == lit * line and checksum(whole) == block, 'resident block damaged')
+        offset += (lit * line + 15) // 16 * 16
         for place, at, sections in lines:
             check(at == offset, f'index line of tile {place}')
-            if new and sections[features][0]:
+            if sections[features][0]:
                 self.resident[place] = self.data[end:end + line]
                 end += line
             for i, (length, word, digest) in enumerate(sections):
@@ -166,16 +161,12 @@ class Bundle:
         S, R, h = field(8, 7), field(16, 8), (16, 64, 32, 0)[field(7) + 2 * field(15)]
         uv = field(0) and blocks(height // 4 * (width // 4), field(30))
         uvt = field(4, 3) and blocks(s[0] * s[1] * S, field(31))
-        shares = np.zeros(len(self.knots))
-        if self.resident:
-            line = self.resident[page, c, r]
-            means = np.frombuffer(line, '<f2').reshape(-1, 4)[1:, :3].astype(float) * np.frombuffer(line, '<f4', 1)
-            means, shares = np.minimum(means, np.finfo(np.float32).max), np.frombuffer(line, 'u1')[15::8] / 255
-        else:
-            means = take(3 * n, '<f4').reshape(n, 3).astype(float)
-        axis = take(0 if self.coding else 1 + n, '<u2').astype(int)
-        turn = n + 1 - int(np.argmax(axis[:0:-1])) if len(axis) else 1  # behind the last set on the largest place
-        day = len(axis) == 0 or axis[1] == 0 and np.all(np.diff(axis[1:turn]) >= 0) and not axis[turn:].any() and axis[turn - 1] < axis[0]
+        line = self.resident[page, c, r]
+        means = np.frombuffer(line, '<f2').reshape(-1, 4)[1:, :3].astype(float) * np.frombuffer(line, '<f4', 1)
+        means, shares = np.minimum(means, np.finfo(np.float32).max), np.frombuffer(line, 'u1')[15::8] / 255
+        axis = take(1 + n, '<u2').astype(int)
+        turn = n + 1 - int(np.argmax(axis[:0:-1]))  # behind the last set on the largest place
+        day = axis[1] == 0 and np.all(np.diff(axis[1:turn]) >= 0) and not axis[turn:].any() and axis[turn - 1] < axis[0]
         gates = take(field(24, 6), '<u2')
         ut, vt = (take(field(k) * R * (side // 2) * 2) for k, side in ((1, width), (2, height)))
         inputs = 4 * (field(4, 3) > 0) + 4 * field(0) + 2 * field(1) + 2 * field(2) + 4 * field(3) + len(gates)
@@ -183,25 +174,24 @@ class Bundle:
         good = day and all(np.isfinite(p).all() for p in [means] + parts) and np.all(means >= 0) and not any(self.data[at:end])
         check(good and at + 15 & -16 == end, f'tile {c}, {r} of page {page}: means, time axis, decoder or length out of range')
         # The maps that there are, at this moment: height x width (or 1) x channels.
-        tau = self.hours / 24 if self.coding else (axis[1:] + 0.5) / axis[0]
+        tau = (axis[1:] + 0.5) / axis[0]
         ends = (1 - g) * means[i].sum(), g * means[j].sum()
         of_b = shares[i], 1 if self.knots[j] == self.hours[b] else shares[j]
-        straight = self.coding or sum(ends) == 0
-        share = (1 - g) * of_b[0] + g * of_b[1] if straight else (ends[0] * of_b[0] + ends[1] * of_b[1]) / sum(ends)
+        share = (1 - g) * of_b[0] + g * of_b[1] if sum(ends) == 0 else (ends[0] * of_b[0] + ends[1] * of_b[1]) / sum(ends)
         tau, maps = tau[a] + share * ((tau[b] - tau[a]) % 1), []
         uvt = at_time(bc7(uvt, s[1]).reshape(S, 4 * s[0], 4 * s[1], 4), tau) if field(4, 3) else None
         maps += [stretch(stretch(uvt, 0, height), 1, width)] if field(4, 3) else []
         maps += [bc7(uv, width // 4)] if field(0) else []
         maps += [stretch(at_time(ut.reshape(R, -1, 2) / 255, tau), 0, width)[None]] if field(1) else []
         maps += [stretch(at_time(vt.reshape(R, -1, 2) / 255, tau), 0, height)[:, None]] if field(2) else []
-        gamma = np.sin(np.pi * ((1 if self.coding else 2) * np.array([[[1, 1, 2, 2]]]) * tau + [0, 0.5, 0, 0.5]))
+        gamma = np.sin(np.pi * (2 * np.array([[[1, 1, 2, 2]]]) * tau + [0, 0.5, 0, 0.5]))
         gates = np.array([[[1.0 if self.groups[g][2][a] else -1.0 for g in gates]]])
         maps = [3 * (k - 0.5) for k in maps] + [gamma] * field(3) + [gates]
         x = np.concatenate([np.broadcast_to(k, (height, width, k.shape[2])) for k in maps], 2)
         for W, bias in zip(parts[::2], parts[1::2]):
             z = np.clip(y := x @ W.reshape(len(bias), -1).T + bias, -2.25, 2.25)
             x = y * (0.5 + z / 3 - 16 * z ** 3 / 729)
-        light = ((1 - g) * means[i] + g * means[j]) * np.clip(y, 0, 65504) ** (2.2 if self.coding else 2)
+        light = ((1 - g) * means[i] + g * means[j]) * np.clip(y, 0, 65504) ** 2
         return np.minimum(light + direct, np.finfo(np.float32).max).astype(np.float32)
 
     def page(self, page, hour):

@@ -254,8 +254,7 @@ fn a_bundle_of_all_light_is_evaluated_as_one() {
     let root = folder.path().join("court");
     write(&root, moving);
     let with = Dataset::open(&root).unwrap();
-    // The same lightmaps, of which nothing is known of the sun: all light goes into the maps, as before
-    // version 4.
+    // The same lightmaps, of which nothing is known of the sun: all light goes into the maps.
     let plain = folder.path().join("plain");
     write(&plain, moving);
     let mut config = Dataset::open(&plain).unwrap().config;

@@ -1,4 +1,4 @@
-// Reads an NDGI bundle by FORMAT.md, versions 3 and 4: header, index, resident block, and the time of day.
+// Reads an NDGI bundle by FORMAT.md, version 4: header, index, resident block, and the time of day.
 // What the format forbids is an Error. Checksums are not looked at. Nothing is allocated for what the file cannot hold.
 'use strict';
 
@@ -63,40 +63,33 @@ const KNOWN = [0, 1, 2];
 
 function openBundle(bytes) {
   const c = new Cursor(bytes);
-  expect(bytes.length >= 56 && MAGIC.every((byte, i) => bytes[i] === byte), 'does not begin with the magic bytes of an NDGI bundle');
+  expect(bytes.length >= 80 && MAGIC.every((byte, i) => bytes[i] === byte), 'does not begin with the magic bytes of an NDGI bundle');
   c.at = 8;
   const version = c.u32('version');
-  expect(version === 3 || version === 4, `bundle version ${version}; this page reads versions 3 and 4`);
+  expect(version === 4, `bundle version ${version}; this page reads version 4: ${version < 4 ? 'compress its dataset again' : 'use a newer page'}`);
   const header = c.u32('header length'), length = c.u64('file length');
   expect(length === bytes.length, `has ${bytes.length} bytes; its header says ${length}: it is cut short, or damaged`);
-  expect(header % 16 === 0 && header >= 32 && header <= Math.min(length, 2 ** 28), `header of ${header} bytes`);
+  expect(header % 16 === 0 && header >= 80 && header <= Math.min(length, 2 ** 28), `header of ${header} bytes`);
   c.at = 32;
   c.end = header;
-  const old = version === 3, bundle = { bytes, version, coding: 0 };
+  const bundle = { bytes, version };
   expect(c.u32('side') === 128 & c.u32('border') === 1, 'tiles of another size than 128 with a border of 1');
-  if (old) bundle.coding = c.u32('coding');
-  expect(bundle.coding < 2, `coding ${bundle.coding}; this page reads 0 and 1`);
-  const n = c.count(8, 'frames'), between = old ? 0 : c.count(8, 'hours between frames'), pages = c.count(8, 'pages'), groups = c.count(8, 'light groups');
-  let streams = 1, path = 0, seen = 0;
-  if (!old) {
-    streams = c.count(12, 'streams');
-    path = c.count(32, "times of the sun's path");
-    seen = c.count(8, 'times of visibility');
-    expect(c.u32('zero') === 0, 'byte 68: expected 0');
-    c.skip(8, 'checksum');
-  }
+  const n = c.count(8, 'frames'), between = c.count(8, 'hours between frames'), pages = c.count(8, 'pages'), groups = c.count(8, 'light groups');
+  const streams = c.count(12, 'streams'), path = c.count(32, "times of the sun's path"), seen = c.count(8, 'times of visibility');
+  expect(c.u32('zero') === 0, 'byte 68: expected 0');
+  c.skip(8, 'checksum');
   expect(n > 0 && pages > 0 && streams > 0, 'no frames, pages or streams');
   expect(pages <= MOST_PAGES, `${pages} pages; this page shows ${MOST_PAGES} at most`);
   bundle.scene = c.text('scene');
   bundle.info = c.text('info');
   bundle.pages = c.list(pages, () => {
-    const kind = old ? 0 : c.u32('kind of a page'), width = c.u32('width'), height = c.u32('height');
+    const kind = c.u32('kind of a page'), width = c.u32('width'), height = c.u32('height');
     expect(kind < 2, `a page of kind ${kind}`);
     expect(Math.min(width, height) > 0 && Math.max(width, height) <= 2 ** 20, `page of ${width} × ${height} texels`);
     return { width, height, columns: Math.ceil(width / PAYLOAD), rows: Math.ceil(height / PAYLOAD) };
   });
   readTimes(c, bundle, n, between, groups);
-  const kinds = old ? [0] : readStreams(c, streams);
+  const kinds = readStreams(c, streams);
   expect(kinds.includes(1) === (path + seen > 0) && (!kinds.includes(2) || kinds.includes(1)), 'streams of the sun without its path, or the path alone');
   bundle.sun = path + seen > 0 ? readSun(c, path, seen) : null;
   readIndex(c, bundle, kinds, header);
@@ -134,7 +127,7 @@ function readStreams(c, count) {
 
 // The index: payloads lie one after another and end with the file.
 function readIndex(c, bundle, kinds, header) {
-  const old = bundle.version === 3, line = old ? 24 : 8 + 16 * kinds.length;
+  const line = 8 + 16 * kinds.length;
   const count = bundle.pages.reduce((sum, page) => sum + page.columns * page.rows, 0);
   expect(count * line <= c.end - c.at, `${count} tiles, for whose index lines there is no room`);
   const texels = bundle.pages.reduce((sum, page) => sum + page.width * page.height, 0);
@@ -157,9 +150,9 @@ function readIndex(c, bundle, kinds, header) {
   expect(c.end - c.at < 16 && bundle.bytes.subarray(c.at, c.end).every(byte => byte === 0), 'more than zeros behind the index');
   const lit = bundle.tiles.filter(tile => tile.parts.find(part => part.kind === 0).length > 0);
   const lineOfResident = 8 + 8 * bundle.knots.length;
-  let at = old ? header : header + Math.ceil(lit.length * lineOfResident / 16) * 16;
+  let at = header + Math.ceil(lit.length * lineOfResident / 16) * 16;
   expect(at <= bundle.bytes.length, 'a resident block longer than the file');
-  if (!old) lit.forEach((tile, i) => readResident(bundle, tile, header + i * lineOfResident));
+  lit.forEach((tile, i) => readResident(bundle, tile, header + i * lineOfResident));
   for (const tile of bundle.tiles) {
     expect(tile.at === at, `offset of tile ${nameOf(tile)}: ${tile.at}; expected ${at}`);
     for (const part of tile.parts) {

@@ -20,7 +20,7 @@ uniform sampler2D uv, ut, vt; uniform sampler2DArray uvt; uniform isampler2D nor
 ${net[0]}
 uniform vec4 bias[${q}];
 uniform ivec2 origin, size, uvtSize, slices, rows; uniform vec2 planes, shares;
-uniform bool lit, sunny; uniform float scale, power, most, seenShare; uniform vec3 mean, sun, direction;
+uniform bool lit, sunny; uniform float scale, most, seenShare; uniform vec3 mean, sun, direction;
 out vec4 color;
 vec4 gelu(vec4 x) { vec4 z = clamp(x, -2.25, 2.25); return x * (.5 + z * (1. / 3. - 16. / 729. * z * z)); }
 float place(int i, int side, float n) { return clamp((float(i) + .5) / float(side) * n - .5, 0., n - 1.); }
@@ -39,7 +39,7 @@ vec3 maps(ivec2 p) {
   a = 3. * (a - .5); b = 3. * (b - .5); c = 3. * (c - .5);
 ${layers(h, net[1])}
   y = clamp(y, 0., 65504.);
-  return mean * (power == 2. ? y * y : pow(y, vec3(power)));
+  return mean * (y * y);
 }
 void main() {
   ivec2 p = ivec2(gl_FragCoord.xy) - origin; vec3 light = vec3(0);
@@ -247,7 +247,6 @@ class Decoder {
       else gl.uniform4fv(at.weights, own.weights);
       gl.uniform4fv(at.bias, folded.bias);
       gl.uniform3fv(at.mean, folded.mean);
-      gl.uniform1f(at.power, bundle.coding ? 2.2 : 2);
       gl.uniform2i(at.uvtSize, Math.max(has.uvtWidth, 1), Math.max(has.uvtHeight, 1));
       gl.uniform2f(at.planes, has.ut ? Math.ceil(tile.width / 2) : 1, has.vt ? Math.ceil(tile.height / 2) : 1);
       gl.uniform2i(at.slices, slices?.first ?? 0, slices?.second ?? 0);
@@ -295,8 +294,6 @@ class Decoder {
     const { bundle } = this;
     let top = 0;
     for (const tile of bundle.tiles) {
-      // Version 3 keeps means in the tiles' features.
-      if (tile.features && !tile.means) featuresOf(bundle, tile);
       const { means } = tile;
       if (!means) continue;
       for (let c = 0; c < 3; c++) top = Math.max(top, (1 - moment.g) * means[3 * moment.i + c] + moment.g * means[3 * moment.j + c]);

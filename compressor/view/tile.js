@@ -20,8 +20,8 @@ function checkWord(bundle, tile) {
   const word = tile.features.word, has = contentsOf(word, tile), { length } = tile.features;
   const known = has.hidden > 0 && !has.side === !has.slices && !(has.ut || has.vt) === !has.rows && (has.uv || !has.sparse[0]) && (has.side || !has.sparse[1]);
   expect(known && has.gates <= bundle.groups.length, `word 0x${word.toString(16)} of tile ${nameOf(tile)}`);
-  const blocks = blocksOf(has, tile), old = bundle.version === 3;
-  const rest = (old ? 12 * bundle.hours.length : 0) + (bundle.coding ? 0 : 2 + 2 * bundle.hours.length) + 2 * has.gates
+  const blocks = blocksOf(has, tile);
+  const rest = 2 + 2 * bundle.hours.length + 2 * has.gates
     + 2 * has.rows * (has.ut * Math.ceil(tile.width / 2) + has.vt * Math.ceil(tile.height / 2)) + 2 * weightsOf(has).reduce((a, b) => a + b);
   const least = rest + blocks.reduce((sum, n, i) => sum + (has.sparse[i] ? fieldLength(n) : 16 * n), 0);
   const most = rest + 16 * (blocks[0] + blocks[1]);
@@ -42,11 +42,7 @@ function featuresOf(bundle, tile) {
   const wrong = what => refuse(`tile ${nameOf(tile)}: ${what}`);
   const read = { has };
   [read.uv, read.uvt] = blocksOf(has, tile).map((count, i) => readMap(c, count, has.sparse[i], wrong));
-  if (bundle.version === 3) {
-    tile.means = Float64Array.from({ length: 3 * n }, () => c.f32('means'));
-    if (!tile.means.every(mean => mean >= 0 && mean <= LARGEST)) wrong('a mean that is not a finite number ≥ 0');
-  }
-  read.places = readAxis(c, bundle, n, wrong);
+  read.places = readAxis(c, n, wrong);
   read.gates = c.list(has.gates, () => c.u16('gates'));
   if (!read.gates.every((gate, i) => gate < bundle.groups.length && (i === 0 || read.gates[i - 1] < gate))) wrong('gates that do not ascend, or are no light groups');
   const plane = (there, side) => there ? c.take(2 * has.rows * Math.ceil(side / 2), 'a plane') : null;
@@ -94,8 +90,7 @@ function denseBlocks(map) {
 }
 
 // The places of the frames along τ.
-function readAxis(c, bundle, n, wrong) {
-  if (bundle.coding) return bundle.hours.map(hour => hour / 24);
+function readAxis(c, n, wrong) {
   const m = c.u16('time axis'), places = c.list(n, () => c.u16('time axis'));
   const largest = places.reduce((a, b) => Math.max(a, b)), turn = places.lastIndexOf(largest) + 1;
   const good = places[0] === 0 && largest < m && places.every((place, k) => k === 0 || (k < turn ? places[k - 1] <= place : place === 0));
@@ -163,15 +158,11 @@ function foldTile(bundle, tile, moment) {
   const read = featuresOf(bundle, tile), { has, weights: [w1, b1] } = read, { a, b, i, j, g } = moment;
   const mean = [0, 1, 2].map(c => (1 - g) * tile.means[3 * i + c] + g * tile.means[3 * j + c]);
   const sum = k => tile.means[3 * k] + tile.means[3 * k + 1] + tile.means[3 * k + 2];
-  let share = g;
-  if (!bundle.coding) {
-    const first = bundle.knots[i] === bundle.hours[a] || !tile.shares ? 0 : tile.shares[i];
-    const last = bundle.knots[j] === bundle.hours[b] || !tile.shares ? 1 : tile.shares[j];
-    const light = [(1 - g) * sum(i), g * sum(j)], all = light[0] + light[1];
-    share = a === b ? 0 : all > 0 ? (light[0] * first + light[1] * last) / all : (1 - g) * first + g * last;
-  }
+  const first = bundle.knots[i] === bundle.hours[a] ? 0 : tile.shares[i], last = bundle.knots[j] === bundle.hours[b] ? 1 : tile.shares[j];
+  const light = [(1 - g) * sum(i), g * sum(j)], all = light[0] + light[1];
+  const share = a === b ? 0 : all > 0 ? (light[0] * first + light[1] * last) / all : (1 - g) * first + g * last;
   const tau = read.places[a] + share * mod(read.places[b] - read.places[a], 1);
-  const features = has.inputs - 4 * has.gamma - has.gates, angle = (bundle.coding ? 1 : 2) * Math.PI * tau;
+  const features = has.inputs - 4 * has.gamma - has.gates, angle = 2 * Math.PI * tau;
   const inputs = has.gamma ? [Math.sin(angle), Math.cos(angle), Math.sin(2 * angle), Math.cos(2 * angle)] : [];
   for (const gate of read.gates) inputs.push(bundle.groups[gate].states[a] ? 1 : -1);
   const bias = Float64Array.from(b1, (value, row) => {
@@ -206,7 +197,7 @@ function texelsOf(tile) {
 function forgetTexels(tile) { if (tile.read) tile.read.uvTexels = tile.read.uvtTexels = null; }
 
 // The light that maps hold of one stored texel, as folded.
-function texelOf(bundle, tile, folded, x, y) {
+function texelOf(tile, folded, x, y) {
   const { has, weights: [w1, , w2, b2, w3, b3], uvTexels: uv, uvtTexels: uvt, ut, vt } = tile.read, input = [];
   if (uvt) {
     const { uvtWidth: width, uvtHeight: height } = has, [x0, x1, fx] = clamped(x, tile.width, width), [y0, y1, fy] = clamped(y, tile.height, height);
@@ -232,8 +223,7 @@ function texelOf(bundle, tile, folded, x, y) {
     return value;
   });
   const h1 = layer(w1, folded.bias, input, has.inputs).map(gelu), h2 = layer(w2, b2, h1, has.hidden).map(gelu);
-  const power = bundle.coding ? 2.2 : 2;
-  return layer(w3, b3, h2, has.hidden).map((y, c) => Math.min(folded.mean[c] * Math.min(Math.max(y, 0), 65504) ** power, LARGEST));
+  return layer(w3, b3, h2, has.hidden).map((y, c) => Math.min(folded.mean[c] * Math.min(Math.max(y, 0), 65504) ** 2, LARGEST));
 }
 
 // All light of one stored texel.
@@ -243,7 +233,7 @@ function decodeTexel(bundle, tile, hour, x, y) {
   if (tile.features) {
     const folded = foldTile(bundle, tile, moment);
     texelsOf(tile);
-    light = texelOf(bundle, tile, folded, x, y);
+    light = texelOf(tile, folded, x, y);
   }
   if (!tile.levels) return light;
   const sun = sunOf(bundle, tile, moment.t);
@@ -257,7 +247,7 @@ function decodeTile(bundle, tile, hour) {
   if (folded) texelsOf(tile);
   for (let y = 0, i = 0; y < tile.height; y++) {
     for (let x = 0; x < tile.width; x++, i++) {
-      const light = folded ? texelOf(bundle, tile, folded, x, y) : [0, 0, 0];
+      const light = folded ? texelOf(tile, folded, x, y) : [0, 0, 0];
       for (let c = 0; c < 3; c++) out[3 * i + c] = Math.min(light[c] + (sun ? sunTexel(sun, tile, i, c) : 0), LARGEST);
     }
   }

@@ -15,7 +15,6 @@ const HAS_VT: u32 = 16u;
 const HAS_SUN: u32 = 32u;
 const HAS_COLOUR: u32 = 64u;  // the sun is seen through coloured glass: red, green and blue apart
 const HAS_WORDS: u32 = 128u;  // its shadows move
-const IS_PAPERS: u32 = 256u;  // the exponent is 2.2 (bundles of version 3, coding 1)
 
 const LARGEST: f32 = 3.4028234e38;
 const NOT_LARGER: f32 = 65504.0;  // of the network's output, and of 16-bit floats
@@ -188,10 +187,7 @@ fn sunlight(j: u32, x: u32, y: u32) -> vec3<f32> {
 // Irradiance from the network's output. What is not a number counts as 0.
 fn light(j: u32, output: vec3<f32>) -> vec3<f32> {
     let y = min(select(vec3(0.0), output, output > vec3(0.0)), vec3(NOT_LARGER));
-    var curve = y * y;
-    // y^2.2 as y²·y^0.2: hardware `pow` errs in proportion to the exponent (about 10⁻⁵).
-    if ((jobs[j].has & IS_PAPERS) != 0u) { curve *= select(vec3(0.0), pow(y, vec3(0.2)), y > vec3(0.0)); }
-    return min(jobs[j].mean.xyz * curve, vec3(LARGEST));
+    return min(jobs[j].mean.xyz * (y * y), vec3(LARGEST));
 }
 
 fn put(j: u32, x: u32, y: u32, maps_light: vec3<f32>) {

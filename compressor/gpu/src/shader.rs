@@ -23,7 +23,6 @@ pub(crate) const HAS_VT: u32 = 16;
 pub(crate) const HAS_SUN: u32 = 32;
 pub(crate) const HAS_COLOUR: u32 = 64;
 pub(crate) const HAS_WORDS: u32 = 128;
-pub(crate) const IS_PAPERS: u32 = 256;
 
 /// `Job` of the shader but for its biases, field by field.
 #[repr(C)]

@@ -2,13 +2,13 @@
 
 use crate::place::Site;
 use crate::request::Request;
-use crate::shader::{self, HAS_MAPS, HAS_UT, HAS_UV, HAS_UVT, HAS_VT, IS_PAPERS, Job};
+use crate::shader::{self, HAS_MAPS, HAS_UT, HAS_UV, HAS_UVT, HAS_VT, Job};
 use crate::sun::{Held, Seen};
 use ndgi::Bundle;
 use ndgi::at::SunAt;
 use ndgi::decode::{Inputs, Lights, along_tau};
 use ndgi::model::{BORDER, Shape, TileParams};
-use ndgi::time::{Coding, TimePoint, Timeline};
+use ndgi::time::{TimePoint, Timeline};
 
 /// Beyond this a value does not fit into a 16-bit float.
 const HALF_MAX: f32 = 65504.0;
@@ -130,9 +130,6 @@ impl Maps {
         job.has |= HAS_MAPS;
         job.weights = site.resident;
         job.mean[..3].copy_from_slice(&inputs.means);
-        if timeline.coding == Coding::Paper {
-            job.has |= IS_PAPERS;
-        }
         let spot = |map: usize| {
             let [x, y, layer] = site.maps[map];
             [x, y, layer, 0]

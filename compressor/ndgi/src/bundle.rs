@@ -19,7 +19,7 @@ use crate::grid::{Grid, Place};
 use crate::model::{Contents, Knot, Shape, TileParams};
 use crate::source::{Memory, ReadAt};
 use crate::sun::{Sun, SunDecoder};
-use crate::time::{Coding, Timeline};
+use crate::time::Timeline;
 use crate::{Error, Result};
 use std::sync::OnceLock;
 #[cfg(feature = "file")]
@@ -27,10 +27,8 @@ use std::{fs::File, io::Read, path::Path};
 
 /// The first eight bytes of a bundle; the line ends show a file that went through a text conversion.
 pub const MAGIC: [u8; 8] = *b"NDGI\r\n\x1a\n";
-/// The version this crate writes.
+/// The version this crate writes and reads.
 pub const VERSION: u32 = 4;
-/// The oldest version this crate reads.
-const OLDEST: u32 = 3;
 /// Bytes before the variable part of the header.
 const FIXED: usize = 32;
 /// Alignment in bytes of the header's and every payload's start and end.
@@ -103,24 +101,16 @@ impl Header {
     }
 
     /// The contents of a tile whose section of features has this word and length; `None` for a black tile.
-    /// `has_means`: true for version 3, which stores means in the section.
     ///
     /// # Errors
     /// A message for a word that no tile of this bundle can have, or a length that its maps cannot have.
-    fn contents(
-        &self,
-        place: Place,
-        word: u32,
-        length: usize,
-        has_means: bool,
-    ) -> Result<Option<Contents>, String> {
+    fn contents(&self, place: Place, word: u32, length: usize) -> Result<Option<Contents>, String> {
         if length == 0 {
             return if word == 0 { Ok(None) } else { Err(format!("word {word:#x} of a tile of length 0")) };
         }
-        let axis = self.timeline.coding == Coding::Standard;
-        let contents = payload::contents(word, self.groups.len(), axis)
+        let contents = payload::contents(word, self.groups.len())
             .ok_or_else(|| format!("word {word:#x}; expected the word of valid tile contents"))?;
-        let [least, largest] = payload::len_bounds(&self.shape(place, &contents), word, has_means);
+        let [least, largest] = payload::len_bounds(&self.shape(place, &contents), word);
         if !(least..=largest).contains(&length) || !length.is_multiple_of(ALIGN) {
             return Err(format!(
                 "length {length}; expected 0 or a multiple of {ALIGN} from {least} to {largest}"
@@ -195,7 +185,7 @@ pub fn encode(header: &Header, payloads: &[Payload]) -> Result<Vec<u8>> {
     for (payload, place) in payloads.iter().zip(header.places()) {
         let wrong = |what: String| wrong(format!("payload of {place:?}: {what}"));
         let Payload { ndgi, sun, shadows, resident } = payload;
-        header.contents(place, ndgi.word, ndgi.bytes.len(), false).map_err(wrong)?;
+        header.contents(place, ndgi.word, ndgi.bytes.len()).map_err(wrong)?;
         let line = if ndgi.bytes.is_empty() { 0 } else { resident::len(header.knots()) };
         if resident.len() != line {
             return Err(wrong(format!("{} resident bytes; expected {line}", resident.len())));
@@ -232,9 +222,8 @@ pub struct Bundle {
     pub bytes_resident: u64,
     /// Sections of streams that this crate does not know.
     unknown: Vec<Part>,
-    /// Per tile, its brightness at each knot; empty for a tile without features, and before version 4.
+    /// Per tile, its brightness at each knot; empty for a tile without features.
     knots: Vec<Vec<Knot>>,
-    is_old: bool,
     sun_decoder: OnceLock<SunDecoder>,
     source: Box<dyn ReadAt>,
     name: String,
@@ -289,18 +278,15 @@ impl Bundle {
         let mut bundle = Bundle {
             unknown,
             knots: Vec::new(),
-            is_old: resident.is_none(),
             sun_decoder: OnceLock::new(),
             header,
             index,
             bytes,
-            bytes_resident: resident.as_ref().map_or(0, |part| u64::from(part.length)),
+            bytes_resident: u64::from(resident.length),
             source,
             name,
         };
-        if let Some(part) = resident {
-            bundle.knots = bundle.read_knots(&part)?;
-        }
+        bundle.knots = bundle.read_knots(&resident)?;
         Ok(bundle)
     }
 
@@ -409,7 +395,7 @@ impl Bundle {
     }
 
     /// A tile's brightness at each of [`Timeline::knots`], without reading the tile: a fallback colour, and a
-    /// measure of how much its light changes. Empty for a black tile, and in bundles of version 3.
+    /// measure of how much its light changes. Empty for a black tile.
     ///
     /// ```
     /// # let bundle = ndgi::Bundle::from_bytes(ndgi::testing::sunny_bundle())?;
@@ -459,7 +445,7 @@ impl Bundle {
             return Ok(None);
         };
         let section = self.read(part, || self.name_of(place))?;
-        let knots = if self.is_old { None } else { Some(self.knots[position].clone()) };
+        let knots = self.knots[position].clone();
         let shape = self.header.shape(place, &contents);
         payload::decode_section(&section, part.word, shape, self.header.groups.len(), knots)
             .map_err(|what| Error::invalid(self.name_of(place), what))
@@ -472,11 +458,8 @@ impl Bundle {
     /// The bytes of a bundle that repeats this one's pages `copies` times: for tests with many tiles.
     ///
     /// # Errors
-    /// As [`Bundle::tile`]; [`Error::Unsupported`] for a bundle of version 3.
+    /// As [`Bundle::tile`].
     pub fn repeated(&self, copies: usize) -> Result<Vec<u8>> {
-        if self.is_old {
-            return Err(Error::unsupported(&self.name, "version 3; expected 4"));
-        }
         let section = |part: &Part| {
             let bytes = if part.length > 0 { self.read(part, || self.name.clone())? } else { Vec::new() };
             Ok::<_, Error>(Section { word: part.word, bytes })

@@ -6,12 +6,13 @@
 
 use crate::{Error, Result};
 
-/// How time and light are coded in a tile's maps; one choice for a complete bundle.
+/// How time and light are coded in a tile's maps. Bundles have the standard coding alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Coding {
     /// `τ = (i + ½)/m` for place i of m on the tile's own time axis, `γ` on 2πτ and 4πτ, `E = mean · y²`.
     Standard,
-    /// The paper's literal choice: `τ = hour/24`, `γ` on πτ and 2πτ, `E = mean · y^2.2`.
+    /// The paper's literal choice, in memory alone, for comparisons: `τ = hour/24`, `γ` on πτ and 2πτ,
+    /// `E = mean · y^2.2`.
     Paper,
 }
 

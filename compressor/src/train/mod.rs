@@ -64,7 +64,7 @@ pub enum Aim {
 }
 
 impl Recipe {
-    /// The coding that the recipe trains, and so the bundle's.
+    /// The coding that the recipe trains.
     pub fn coding(&self) -> Coding {
         if self.paper { Coding::Paper } else { Coding::Standard }
     }

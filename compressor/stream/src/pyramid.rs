@@ -120,13 +120,8 @@ impl Pyramid {
                 )));
             }
             levels.push(Level::new(bundle, tiles.len() as u32)?);
-            for (entry, place) in bundle.index.iter().zip(header.places()) {
+            for entry in &bundle.index {
                 let contents = Contents::of_word(entry.ndgi.word).filter(|_| entry.ndgi.length > 0);
-                if contents.is_some() && bundle.knots(place)?.is_empty() {
-                    return Err(Error::Invalid(format!(
-                        "level {level} is a bundle of version 3, which does not store the tiles' means; compress its dataset again"
-                    )));
-                }
                 tiles.push(Facts {
                     has_maps: contents.is_some(),
                     has_sun: entry.sun.length > 0,

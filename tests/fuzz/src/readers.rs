@@ -311,7 +311,7 @@ fn decode(bytes: Vec<u8>) -> bool {
     whole
 }
 
-/// The same for the index of version 4 that ends at a byte of the header, if one does, and the resident block
+/// The same for the index that ends at a byte of the header, if one does, and the resident block
 /// before its first section.
 fn mend_index(bytes: &mut [u8], head: usize, end_of_index: usize, streams: usize) {
     let number = |bytes: &[u8], at: usize| -> usize {
@@ -355,32 +355,13 @@ fn mend(bytes: &mut [u8]) {
         Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?) as usize)
     };
     let whole = bytes.len() as u64;
-    let Some(head) = number(bytes, 12).filter(|&head| (32..=bytes.len()).contains(&head)) else { return };
+    let Some(head) = number(bytes, 12).filter(|&head| (80..=bytes.len()).contains(&head)) else { return };
     bytes[16..24].copy_from_slice(&whole.to_le_bytes());
     // The index ends the header but for some padding. Payloads lie one after another, so the last line's ends
     // with the file.
-    if number(bytes, 8) == Some(4) {
-        let streams = number(bytes, 56).unwrap_or(0).clamp(1, 16);
-        for padding in 0..16 {
-            mend_index(bytes, head, head.saturating_sub(padding), streams);
-        }
-        let sum = checksum(&[&bytes[..24], &bytes[32..head]]);
-        bytes[24..32].copy_from_slice(&sum.to_le_bytes());
-        return;
-    }
+    let streams = number(bytes, 56).unwrap_or(0).clamp(1, 16);
     for padding in 0..16 {
-        let (mut line, mut end) = (head.saturating_sub(24 + padding), bytes.len());
-        while line >= 32 {
-            let [offset, length] = [line, line + 8].map(|at| number(bytes, at).unwrap_or(0));
-            if offset < head || offset.saturating_add(length) != end {
-                break;
-            }
-            if length > 0 {
-                let sum = checksum(&[&bytes[offset..end]]);
-                bytes[line + 16..line + 24].copy_from_slice(&sum.to_le_bytes());
-            }
-            (line, end) = (line - 24, offset);
-        }
+        mend_index(bytes, head, head.saturating_sub(padding), streams);
     }
     let sum = checksum(&[&bytes[..24], &bytes[32..head]]);
     bytes[24..32].copy_from_slice(&sum.to_le_bytes());

@@ -159,11 +159,11 @@ pub fn worst(found: &[[f32; 3]], expected: &[([f32; 3], [f32; 3])]) -> f32 {
     worst
 }
 
-/// Bundles of the repository: of all versions, with and without a sun; and those of the folder that
+/// Bundles of the repository, with and without a sun; and those of the folder that
 /// `NDGI_BUNDLES` names.
 pub fn fixtures() -> Vec<(String, Vec<u8>)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let mut folders = vec![root.join("../ndgi/tests/fixtures"), root.join("../../tests/fuzz/corpus/bundle")];
+    let mut folders = vec![root.join("../../tests/fuzz/corpus/bundle")];
     folders.extend(std::env::var_os("NDGI_BUNDLES").map(PathBuf::from));
     let files = folders.iter().flat_map(|folder| std::fs::read_dir(folder).unwrap());
     let files = files.map(|file| file.unwrap().path()).filter(|path| Bundle::open(path).is_ok());

@@ -1,8 +1,8 @@
 //! The header's bytes and the index that ends it.
 
 use super::{
-    ALIGN, Entry, FIXED, Header, MAGIC, MAX_HEADER, MAX_SIDE, OLDEST, PageKind, Part, Payload, Section,
-    VERSION, checksum, resident,
+    ALIGN, Entry, FIXED, Header, MAGIC, MAX_HEADER, MAX_SIDE, PageKind, Part, Payload, Section, VERSION,
+    checksum, resident,
 };
 use crate::grid::Grid;
 use crate::model::{BORDER, STORED};
@@ -10,8 +10,7 @@ use crate::sun::{Sun, SunPath, Tables};
 use crate::time::{Coding, Timeline};
 use crate::{Error, Result};
 
-/// Bytes of one line of the index of version 3, and of a tile's and of a section's part of one.
-const ENTRY3: usize = 24;
+/// Bytes of a tile's and of a section's part of one line of the index.
 const ENTRY: usize = 8;
 const SECTION: usize = 16;
 /// The streams that this crate knows: features and decoder, the sun, how its shadows move.
@@ -105,8 +104,12 @@ pub(super) fn check_start(start: &[u8], file_bytes: u64, name: &str) -> Result<u
         return Err(Error::invalid(name, "does not begin with the magic bytes of an NDGI bundle"));
     }
     let version = cursor.u32("version")?;
-    if !(OLDEST..=VERSION).contains(&version) {
-        let what = format!("bundle version {version}; this program reads versions {OLDEST} to {VERSION}");
+    if version != VERSION {
+        let what = match version < VERSION {
+            true => "compress its dataset again",
+            false => "use the program that wrote it, or a newer one than this",
+        };
+        let what = format!("bundle version {version}; this program reads version {VERSION}: {what}");
         return Err(Error::unsupported(name, what));
     }
     let length = u64::from(cursor.u32("header length")?);
@@ -129,16 +132,14 @@ pub(super) struct Read {
     pub index: Vec<Entry>,
     /// Sections of streams that are not known.
     pub unknown: Vec<Part>,
-    /// The resident block's place and checksum; `None` before version 4.
-    pub resident: Option<Part>,
+    /// The resident block's place and checksum.
+    pub resident: Part,
 }
 
 /// Parses a whole header. `bytes` passed [`check_start`] and are as long as it says.
 pub(super) fn decode(bytes: &[u8], file_bytes: u64, name: &str) -> Result<Read> {
     let wrong = |what: String| Error::invalid(name, what);
-    let mut cursor = Cursor { bytes, at: 8, name };
-    let is_old = cursor.u32("version")? < 4;
-    cursor.at = 24;
+    let mut cursor = Cursor { bytes, at: 24, name };
     let expected = u64::from_le_bytes(cursor.array("checksum")?);
     let found = checksum(&[&bytes[..24], &bytes[FIXED..]]);
     if found != expected {
@@ -153,31 +154,22 @@ pub(super) fn decode(bytes: &[u8], file_bytes: u64, name: &str) -> Result<Read> 
         );
         return Err(Error::unsupported(name, what));
     }
-    let coding = match if is_old { cursor.u32("coding")? } else { 0 } {
-        0 => Coding::Standard,
-        1 => Coding::Paper,
-        other => return Err(Error::unsupported(name, format!("coding {other}; this program reads 0 and 1"))),
-    };
     let frames = cursor.count("frames", 8)?;
-    let between = if is_old { 0 } else { cursor.count("hours between frames", 8)? };
+    let between = cursor.count("hours between frames", 8)?;
     let pages = cursor.count("pages", 8)?;
     let groups = cursor.count("groups", 8)?;
-    let (mut streams, mut path, mut visible, mut sum) = (1, 0, 0, 0);
-    if !is_old {
-        streams = cursor.count("streams", 12)?;
-        path = cursor.count("times of the sun's path", 32)?;
-        visible = cursor.count("times of visibility", 8)?;
-        if cursor.u32("zero")? != 0 {
-            return Err(wrong(format!("byte {}: expected 0", cursor.at - 4)));
-        }
-        sum = u64::from_le_bytes(cursor.array("checksum of the resident block")?);
+    let streams = cursor.count("streams", 12)?;
+    let path = cursor.count("times of the sun's path", 32)?;
+    let visible = cursor.count("times of visibility", 8)?;
+    if cursor.u32("zero")? != 0 {
+        return Err(wrong(format!("byte {}: expected 0", cursor.at - 4)));
     }
+    let sum = u64::from_le_bytes(cursor.array("checksum of the resident block")?);
     let (scene, info) = (cursor.text("scene")?, cursor.text("info")?);
     cursor.has(pages, 8, "pages")?;
     let (mut grids, mut kinds) = (Vec::with_capacity(pages), Vec::with_capacity(pages));
     for _ in 0..pages {
-        let kind = if is_old { 0 } else { cursor.u32("kind of a page")? };
-        kinds.push(match kind {
+        kinds.push(match cursor.u32("kind of a page")? {
             0 => PageKind::Atlas,
             1 => PageKind::Probes,
             other => return Err(Error::unsupported(name, format!("a page of kind {other}"))),
@@ -187,6 +179,7 @@ pub(super) fn decode(bytes: &[u8], file_bytes: u64, name: &str) -> Result<Read> 
     }
     let (hours, between) =
         (cursor.doubles(frames, "hours")?, cursor.doubles(between, "hours between frames")?);
+    let coding = Coding::Standard;
     let mut timeline = Timeline { hours, between, intervals: Vec::new(), states: Vec::new(), coding };
     timeline.states.resize(frames, Vec::new());
     let mut names = Vec::new();
@@ -204,10 +197,7 @@ pub(super) fn decode(bytes: &[u8], file_bytes: u64, name: &str) -> Result<Read> 
             }
         }
     }
-    let mut kinds_of_streams = vec![NDGI];
-    if !is_old {
-        kinds_of_streams = cursor.streams(streams)?;
-    }
+    let kinds_of_streams = cursor.streams(streams)?;
     let mut sun = None;
     if path > 0 || visible > 0 {
         let (hours, times) = (cursor.doubles(path, "sun's path")?, cursor.doubles(visible, "visibility")?);
@@ -227,11 +217,8 @@ pub(super) fn decode(bytes: &[u8], file_bytes: u64, name: &str) -> Result<Read> 
     let header = Header { scene, info, pages: grids, kinds, groups: names, timeline, sun, shadows };
     check(&header).map_err(wrong)?;
     let mut unknown = Vec::new();
-    let (index, resident) = match is_old {
-        true => (decode_index3(&mut cursor, &header, file_bytes)?, None),
-        false => decode_index(&mut cursor, &header, &kinds_of_streams, sum, file_bytes, &mut unknown)
-            .map(|(index, resident)| (index, Some(resident)))?,
-    };
+    let (index, resident) =
+        decode_index(&mut cursor, &header, &kinds_of_streams, sum, file_bytes, &mut unknown)?;
     if cursor.bytes.len() - cursor.at >= ALIGN || cursor.bytes[cursor.at..].iter().any(|&byte| byte != 0) {
         return Err(wrong(format!(
             "byte {}: only zeros up to the next multiple of {ALIGN} may follow the index",
@@ -290,7 +277,7 @@ fn decode_index(
             }
             match stream {
                 NDGI => {
-                    header.contents(place, word, length as usize, false).map_err(wrong)?;
+                    header.contents(place, word, length as usize).map_err(wrong)?;
                     entry.ndgi = part;
                 }
                 SUN => entry.sun = part,
@@ -308,36 +295,6 @@ fn decode_index(
         return Err(Error::invalid(cursor.name, format!("payloads end at byte {end} of {file_bytes}")));
     }
     Ok((index, resident))
-}
-
-/// The index of version 3: payloads lie one after another, each empty or of a length that its tile's contents
-/// can have, and end with the file.
-fn decode_index3(cursor: &mut Cursor, header: &Header, file_bytes: u64) -> Result<Vec<Entry>> {
-    cursor.has(header.tiles(), ENTRY3, "tiles")?;
-    let mut index = Vec::with_capacity(header.tiles());
-    let mut end = cursor.bytes.len() as u64;
-    for place in header.places() {
-        let (at, name) = (cursor.at, cursor.name);
-        let wrong =
-            |what: String| Error::invalid(name, format!("byte {at}, index line of {place:?}: {what}"));
-        let offset = u64::from_le_bytes(cursor.array("offset")?);
-        let (length, word) = (cursor.u32("length")?, cursor.u32("contents")?);
-        let sum = u64::from_le_bytes(cursor.array("checksum")?);
-        if offset != end {
-            return Err(wrong(format!("offset {offset}; expected {end}")));
-        }
-        if length == 0 && sum != 0 {
-            return Err(wrong("a checksum of a tile of length 0".to_owned()));
-        }
-        header.contents(place, word, length as usize, true).map_err(wrong)?;
-        end += u64::from(length);
-        let ndgi = Part { offset, length, word, checksum: sum };
-        index.push(Entry { ndgi, ..Entry::default() });
-    }
-    if end != file_bytes {
-        return Err(Error::invalid(cursor.name, format!("payloads end at byte {end} of {file_bytes}")));
-    }
-    Ok(index)
 }
 
 /// The rules on values, the same for writing and reading.
@@ -366,6 +323,9 @@ fn check(header: &Header) -> Result<(), String> {
     }
     if header.kinds.len() != header.pages.len() {
         return Err("different numbers of pages and of their kinds".to_owned());
+    }
+    if time.coding != Coding::Standard {
+        return Err("the paper's coding; expected the standard one".to_owned());
     }
     if let Some(sun) = &header.sun {
         sun.check()?;

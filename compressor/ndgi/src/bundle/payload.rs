@@ -52,12 +52,10 @@ fn rest_len(shape: &Shape) -> usize {
     axis + 2 * shape.contents.gates + 2 * (ut + vt) + 2 * shape.mlp_len()
 }
 
-/// The least and the largest length in bytes that a payload of a shape can have, with the word's sparse maps;
-/// those of version 3 have the means of the frames among them.
-pub(super) fn len_bounds(shape: &Shape, word: u32, has_means: bool) -> [usize; 2] {
+/// The least and the largest length in bytes that a payload of a shape can have, with the word's sparse maps.
+pub(super) fn len_bounds(shape: &Shape, word: u32) -> [usize; 2] {
     let [uv, uvt, ..] = shape.counts();
-    let means = if has_means { 12 * shape.frames } else { 0 };
-    let (mut least, mut largest) = (rest_len(shape) + means, rest_len(shape) + means);
+    let (mut least, mut largest) = (rest_len(shape), rest_len(shape));
     for (map, blocks) in [uv, uvt].into_iter().enumerate() {
         if word & sparse(map) == 0 {
             least += 16 * blocks;
@@ -72,7 +70,7 @@ pub(super) fn len_bounds(shape: &Shape, word: u32, has_means: bool) -> [usize; 2
 
 /// Length of a section in bytes of which no block is omitted, a multiple of 16.
 pub fn full_len(shape: &Shape) -> usize {
-    len_bounds(shape, 0, false)[1]
+    len_bounds(shape, 0)[1]
 }
 
 /// Length of a section in bytes with this many blocks of F_uv and F_uvt that are not grey.
@@ -121,8 +119,7 @@ pub fn encode_payload(tile: &TileParams) -> Result<Payload, String> {
 }
 
 /// A tile from its section of features, the word of its index line, the shape that its contents give, the
-/// number of light groups, and how bright it is at the knots; `None` if its bytes are of version 3, which
-/// tell of the frames' means.
+/// number of light groups, and how bright it is at the knots.
 ///
 /// # Errors
 /// What the format forbids: another length, a block of another mode of BC7 than 6 and 4, grey blocks that are
@@ -133,7 +130,7 @@ pub(super) fn decode_section(
     word: u32,
     shape: Shape,
     groups: usize,
-    knots: Option<Vec<Knot>>,
+    knots: Vec<Knot>,
 ) -> Result<TileParams, String> {
     let mut rest = bytes;
     let mut take = |n: usize, what: &str| {
@@ -172,14 +169,6 @@ pub(super) fn decode_section(
         }
     }
     let [f_uv, f_uvt] = maps;
-    let knots = match knots {
-        Some(knots) => knots,
-        None => {
-            let means = take(12 * shape.frames, "means")?.as_chunks::<12>().0;
-            let mean = |of: &[u8; 12], c: usize| f32::from_le_bytes(std::array::from_fn(|i| of[4 * c + i]));
-            means.iter().map(|of| Knot { mean: [0, 1, 2].map(|c| mean(of, c)), ..Knot::default() }).collect()
-        }
-    };
     let shorts = |part: &[u8]| -> Vec<u16> {
         part.as_chunks::<2>().0.iter().map(|&b| u16::from_le_bytes(b)).collect()
     };
@@ -226,12 +215,10 @@ fn check(tile: &TileParams) -> Result<(), String> {
     Ok(())
 }
 
-/// The contents that a word stands for, where they are those of a bundle with this many groups and this
-/// coding.
-pub(super) fn contents(word: u32, groups: usize, axis: bool) -> Option<Contents> {
+/// The contents that a word stands for, where they are those of a bundle with this many groups.
+pub(super) fn contents(word: u32, groups: usize) -> Option<Contents> {
     let contents = Contents::of_word(word)?;
     let sparse_without_map =
         (word & sparse(0) != 0 && !contents.uv) || (word & sparse(1) != 0 && contents.uvt == 0);
-    let paper = !axis && contents.gates > 0;
-    (contents.gates <= groups && !sparse_without_map && !paper).then_some(contents)
+    (contents.gates <= groups && !sparse_without_map).then_some(contents)
 }
