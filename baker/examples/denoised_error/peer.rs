@@ -10,9 +10,9 @@
 
 use baker::Rgb;
 use baker::bake::denoise::METHOD;
-use baker::bake::errors::{Parts, Sums};
+use baker::bake::errors::Sums;
 use baker::bake::local_errors::{CellMap, LocalErrorSummary, Pieces};
-use baker::bake::value::Value;
+use baker::bake::value::{Parts, Value};
 use glam::DVec3;
 use serde_json::{Value as Json, json};
 use std::collections::BTreeMap;

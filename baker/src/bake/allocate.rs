@@ -5,8 +5,8 @@
 //! those that met a rare bright path would be given other numbers than those that did not, and the mean would
 //! be wrong. (By the pivot it has a say of the order of one in all texels: so few of them have none.)
 
-use super::errors::{Parts, cell_of};
-use super::state::{BlockState, CELLS};
+use super::state::{BlockState, CELLS, cell_of};
+use super::value::Parts;
 use crate::Rgb;
 use crate::surface::BlockSurface;
 use crate::trace::lights::Lights;

@@ -3,10 +3,10 @@
 use super::check::Chosen;
 use super::errors::{Errors, Sums};
 use super::json;
-use super::layers::{FilteredLayer, LayerReader, Layers, Part, Texel, each_sum};
+use super::layers::{FilteredLayer, LayerReader, Layers, Texel, each_sum};
 use super::local_errors::{COUNTED_ERRORS, CellMap, LocalErrorSummary, Pieces};
 use super::page_bands::{BandLight, LightSum, PageBands, PartLight, TEXELS_OF_BAND, add};
-use super::plan::Plan;
+use super::plan::{Part, Plan};
 use super::seams::Jump;
 use super::valid::ValidTexels;
 use super::value::Value;

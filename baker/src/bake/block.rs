@@ -4,7 +4,7 @@
 use super::state::{ALL_PROBES, BlockState, PROBES};
 use crate::atlas::Atlas;
 use crate::surface::{BlockSurface, FaceBins, SurfacePoint};
-use crate::trace::counts::RayCounts;
+use crate::trace::counts::{RayCounts, sum};
 use crate::trace::path::{Transport, point_pair};
 use crate::trace::sampler::{Sample, Sequence, SequenceKind};
 use crate::trace::space::Receiver;
@@ -169,11 +169,4 @@ impl Worker<'_> {
 /// The probed points whose bits are set.
 pub fn indices(probes: u16) -> impl Iterator<Item = u32> {
     (0..PROBES).filter(move |&probe| probes >> probe & 1 == 1)
-}
-
-/// The sum of counts.
-pub fn sum(counts: impl IntoIterator<Item = RayCounts>) -> RayCounts {
-    let mut all = RayCounts::default();
-    counts.into_iter().for_each(|c| all += c);
-    all
 }

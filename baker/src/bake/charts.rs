@@ -13,12 +13,17 @@
 //! another. What is damaged, or of another version, is not there. Nothing fails because the file cannot be
 //! read or written.
 
-use super::layers::{CHARTS, FOLDER};
 use super::sealed;
 use crate::atlas::unwraps::{Key, TRIANGLE, Unwrap, Unwraps};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Name of the folder inside a dataset that serves later bakes.
+pub const FOLDER: &str = ".layers";
+
+/// Name of the file in it that holds how meshes come apart.
+pub const CHARTS: &str = "meshes.charts";
 
 /// Label of the file's seal: changes with the file's format.
 const LABEL: &str = "charts-1";

@@ -9,8 +9,8 @@
 
 use super::block::{Stream, Worker};
 use super::endless_light;
-use super::errors::{Parts, median};
-use super::value::Value;
+use super::errors::median;
+use super::value::{Parts, Value};
 use crate::Rgb;
 use crate::trace::counts::RayCounts;
 use dataset::observe::Observer;

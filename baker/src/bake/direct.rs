@@ -8,11 +8,10 @@
 //! all in all: the others have their numbers halved, once or more. By how much is a matter of places alone,
 //! not of samples.
 
-use super::block::{Stream, Worker, sum};
-use super::errors::cell_of;
-use super::state::{BlockState, CELLS, Direct};
+use super::block::{Stream, Worker};
+use super::state::{BlockState, CELLS, Direct, cell_of};
 use crate::surface::BlockSurface;
-use crate::trace::counts::RayCounts;
+use crate::trace::counts::{RayCounts, sum};
 use crate::trace::light_subset::FEW_GROUPS;
 use crate::trace::path::sun_sample;
 use dataset::signals::interrupted;

@@ -4,10 +4,8 @@
 //! With A and B the halves' means, the estimate is (A + B)/2 and its squared standard error is estimated by
 //! ((A − B)/2)². (A running variance of low-discrepancy points would overestimate it.)
 
-use super::state::CELL;
 use super::value::Value;
-use crate::Rgb;
-use crate::surface::{BLOCK, BlockSurface};
+use crate::surface::BLOCK;
 use dataset::metrics::relative_error;
 use dataset::tiles::TILE;
 
@@ -77,14 +75,6 @@ pub struct Errors {
     pub columns: usize,
     /// `tiles[frame][tile]`.
     pub tiles: Vec<Vec<Sums>>,
-}
-
-/// The layers a frame is made of, and what each is multiplied by.
-pub type Parts = Vec<(usize, Rgb)>;
-
-/// The cell of a texel (an index within the block, row by row).
-pub fn cell_of(surface: &BlockSurface, texel: usize) -> usize {
-    (texel / surface.width / CELL) * (BLOCK / CELL) + texel % surface.width / CELL
 }
 
 /// The one in the middle of sorted values, of two the greater; 0 of none.

@@ -1,8 +1,9 @@
 //! What stands where a bake will write: whether it is this very bake, else what of it would be lost, told
 //! before any ray is traced.
 
+use super::charts::FOLDER;
 use super::kept;
-use super::layers::{self, Layers};
+use super::layers::Layers;
 use super::options::{Options, Outcome};
 use super::output;
 use super::prepare::Prepared;
@@ -82,7 +83,7 @@ fn is_whole(dataset: &Dataset) -> bool {
 /// # Errors
 /// [`Error::Invalid`], also where a file of the scene is one that the dataset has.
 pub fn refuse_foreign_folder<'a>(out: &Path, reads: impl IntoIterator<Item = &'a Path>) -> Result<()> {
-    let is_own = [store::MANIFEST, store::WORK, layers::FOLDER].iter().any(|name| out.join(name).exists());
+    let is_own = [store::MANIFEST, store::WORK, FOLDER].iter().any(|name| out.join(name).exists());
     let written = [GLB, RUN, REPORT, store::DATA];
     // (An empty folder is nobody's loss.)
     let is_empty = |path: &Path| std::fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_none());

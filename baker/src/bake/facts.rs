@@ -9,7 +9,7 @@ use super::rounds::Traced;
 use crate::atlas::{Atlas, Skipped};
 use crate::geometry::Geometry;
 use crate::light::extra_times::percent;
-use crate::scene::{Portal, Scene};
+use crate::scene::Scene;
 use dataset::observe::count;
 
 /// What may be wrong with a scene most of whose texels are of no use.
@@ -125,19 +125,6 @@ pub fn unwrapped(charts: Counts) -> Option<String> {
     let Counts { made, kept } = charts;
     (kept > 0).then(|| {
         format!("charts kept from an earlier bake or plan: {}; {made} unwrapped", count(kept, "shape"))
-    })
-}
-
-/// The openings that were found, by which the sky is looked for; `None` without any.
-pub fn found_portals(portals: &[Portal]) -> Option<String> {
-    let size = |portal: &Portal| format!("{:.2} × {:.2} m", portal.edge_u.length(), portal.edge_v.length());
-    let sizes: Vec<String> = portals.iter().map(size).collect();
-    (!portals.is_empty()).then(|| {
-        format!(
-            "the sky is looked for through {} of {} (`find_portals = false` in [sky] does without; [[portal]] says where)",
-            count(portals.len(), "opening"),
-            sizes.join(", ")
-        )
     })
 }
 

@@ -5,12 +5,11 @@
 //! One point that can be seen is enough for all of its texels. The same scene has the same hidden faces,
 //! whatever the seed, the backend and the number of threads.
 
-use super::block::sum;
 use crate::atlas;
 use crate::geometry::{Geometry, Solids};
 use crate::scene::{HiddenFaces, Lightmap, LightmapSize, UvSource};
 use crate::surface::SurfacePoint;
-use crate::trace::counts::RayCounts;
+use crate::trace::counts::{RayCounts, sum};
 use crate::trace::ray_tracer::RayTracer;
 use crate::trace::space::Space;
 use glam::Vec3;

@@ -2,9 +2,8 @@
 //! end in the cache, and bright-surface samples.
 
 use super::allocate::shared;
-use super::block::{Stream, Worker, sum};
-use super::errors::cell_of;
-use super::state::{BlockState, CELLS};
+use super::block::{Stream, Worker};
+use super::state::{BlockState, CELLS, cell_of};
 use crate::Rgb;
 use crate::surface::BlockSurface;
 use crate::trace::bright_facet_index::BrightFacetIndex;
@@ -12,7 +11,7 @@ use crate::trace::bright_facets::{BrightFacet, BrightSelection, MOST_CLUSTERS, s
 use crate::trace::bright_surfaces::{BrightSurfaceView, BrightSurfaces};
 use crate::trace::cache::CacheMap;
 use crate::trace::cache_half::CacheHalf;
-use crate::trace::counts::RayCounts;
+use crate::trace::counts::{RayCounts, sum};
 use crate::trace::light_subset::{FEW_GROUPS, SystematicSampler, chances};
 use crate::trace::path::{Arrival, balance_heuristic};
 use crate::trace::sampler::Sample;

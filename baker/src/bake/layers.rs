@@ -9,8 +9,10 @@
 //! per page layout says which texels these are. Byte order: the machine's. All end in a checksum: 32 bytes of
 //! BLAKE3 of the file's name and of all before. What does not fit it is not there, and made again.
 
+use super::charts::{CHARTS, FOLDER};
 use super::json;
 use super::layer_file::{CHECKSUM, Partial, Source, file_name, is_whole, records};
+use super::plan::Part;
 use super::rounds::Traced;
 use super::tracer::{BlockHistory, Tracer};
 use super::value::{Filtered, Stored, Value};
@@ -25,12 +27,6 @@ use std::fs::File;
 use std::io::ErrorKind;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-
-/// Name of the folder inside a dataset.
-pub const FOLDER: &str = ".layers";
-
-/// Name of the file in it that holds how meshes come apart (`charts`).
-pub const CHARTS: &str = "meshes.charts";
 
 /// Name of the file that says which changes of the folder are being made.
 const CHANGES: &str = "changes.json";
@@ -49,15 +45,6 @@ pub struct Texel {
     pub closed_in: u8,
     /// The probed points that are its surface, a bit each.
     pub probes: u16,
-}
-
-/// A part of a layer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
-    /// The light that comes straight from a sun or a light group.
-    Direct,
-    /// The rest; of the sky, all that lightmaps hold.
-    Rest,
 }
 
 /// The layer of this digest after a filter, under a name that tells what it was made of.

@@ -7,9 +7,9 @@
 //! counts as that bright. In gaps without room for an eye, what is seen from their opening counts.
 
 use super::block::{Stream, Worker};
-use super::errors::{Parts, Sums, cell_of};
-use super::state::{BlockState, CELL, CELLS};
-use super::value::Value;
+use super::errors::Sums;
+use super::state::{BlockState, CELL, CELLS, cell_of};
+use super::value::{Parts, Value};
 use crate::Rgb;
 use crate::atlas::Atlas;
 use crate::atlas::owners::Owners;

@@ -5,11 +5,11 @@
 
 use super::allocate::distinct;
 use super::block::Worker;
-use super::errors::{Parts, Sums, cell_of};
+use super::errors::Sums;
 use super::indirect::Cache;
 use super::local_errors::{CellMap, Pieces};
-use super::state::CELLS;
-use super::value::Value;
+use super::state::{CELLS, cell_of};
+use super::value::{Parts, Value};
 use crate::surface::BlockSurface;
 use crate::{Result, Rgb};
 use dataset::signals::stop_if_interrupted;

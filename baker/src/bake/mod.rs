@@ -19,6 +19,7 @@ pub mod endless_light;
 pub mod cache_system;
 pub mod solver_paths;
 pub mod solve;
+pub mod limits;
 pub mod rounds;
 pub mod step;
 pub mod round_summary;

@@ -5,6 +5,7 @@ use crate::scene::Portal;
 use crate::trace::lens::NO_TRIANGLE;
 use crate::trace::ray_tracer::{RayTracer, offset_point};
 use crate::trace::room::Room;
+use dataset::observe::count;
 use glam::{DVec3, Vec3};
 use std::f32::consts::TAU;
 
@@ -359,6 +360,19 @@ fn leave_distance(Bounds { low, high }: Bounds, (origin, direction): (Vec3, Vec3
         if direction[i] == 0.0 { f32::INFINITY } else { (side - origin[i]) / direction[i] }
     };
     (0..3).map(far).fold(FARTHEST_OPENING, f32::min).max(0.0)
+}
+
+/// The openings that were found, by which the sky is looked for; `None` without any.
+pub fn found_portals(portals: &[Portal]) -> Option<String> {
+    let size = |portal: &Portal| format!("{:.2} × {:.2} m", portal.edge_u.length(), portal.edge_v.length());
+    let sizes: Vec<String> = portals.iter().map(size).collect();
+    (!portals.is_empty()).then(|| {
+        format!(
+            "the sky is looked for through {} of {} (`find_portals = false` in [sky] does without; [[portal]] says where)",
+            count(portals.len(), "opening"),
+            sizes.join(", ")
+        )
+    })
 }
 
 #[cfg(test)]

@@ -1,7 +1,6 @@
 //! What will be traced: times, the distinct layers they need, and what is skipped and why.
 
 use super::json;
-use super::layers::Part;
 use crate::geometry::Geometry;
 use crate::light::emitter::emitters;
 use crate::light::extra_times::{self, ExtraTimes};
@@ -19,6 +18,15 @@ use crate::{Result, Rgb};
 use dataset::config::TransferPart;
 use dataset::observe::count;
 use glam::{DVec3, Vec3};
+
+/// A part of a layer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// The light that comes straight from a sun or a light group.
+    Direct,
+    /// The rest; of the sky, all that lightmaps hold.
+    Rest,
+}
 
 /// The layers of a bake and how each time is made of them.
 #[derive(Debug)]

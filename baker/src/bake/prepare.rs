@@ -1,16 +1,15 @@
 //! A scene read and planned, and the digests by which its layers and its dataset are known again.
 
 use super::charts::Charts;
-use super::errors::Parts;
-use super::facts;
 use super::hidden::{self, Hidden};
 use super::json;
-use super::openings::{openings, rooms};
+use super::limits::Limits;
+use super::openings::{found_portals, openings, rooms};
 use super::options::{Integrator, Options, Preset};
 use super::plan::Plan;
-use super::rounds::Limits;
 use super::scene_glb;
 use super::transfer;
+use super::value::Parts;
 use crate::atlas::{self, Atlas};
 use crate::geometry::{self, Geometry, Solids};
 use crate::light::schedule::Hours;
@@ -219,9 +218,7 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &dyn Observer) -> 
         let ray_tracer = RayTracer::with_hierarchy(&geometry, Arc::clone(own));
         if scene.portals.is_empty() {
             scene.portals = openings(&geometry, &ray_tracer);
-            facts::found_portals(&scene.portals)
-                .into_iter()
-                .for_each(|what| console.say(format!("  {what}")));
+            found_portals(&scene.portals).into_iter().for_each(|what| console.say(format!("  {what}")));
         }
         scene.rooms = rooms(&scene.portals, &geometry, &ray_tracer);
     }

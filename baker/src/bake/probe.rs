@@ -8,11 +8,11 @@
 //! middle tells whether they lie in a solid, and that one and the corners whether they lie in a body that is
 //! open a little. Other squares are cut in four, down to single texels, whose points are asked one by one.
 
-use super::block::{Worker, sum};
+use super::block::Worker;
 use super::state::{ALL_PROBES, BlockState, PROBES, is_enough};
 use crate::surface::{BLOCK, BlockSurface};
 use crate::trace::clear::SurfaceAxes;
-use crate::trace::counts::RayCounts;
+use crate::trace::counts::{RayCounts, sum};
 use crate::trace::space::{Receiver, SurroundingHits};
 use glam::Vec3;
 use rayon::prelude::*;

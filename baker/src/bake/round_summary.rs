@@ -1,10 +1,11 @@
 //! What the blocks of a page reached in a round, all together.
 
-use super::errors::{Errors, Parts, Sums, median};
+use super::errors::{Errors, Sums, median};
 use super::local_errors::{CellMap, LocalErrorSummary};
 use super::rounds::Round;
 use super::state::CELLS;
 use super::unconverged::Block;
+use super::value::Parts;
 use crate::atlas::Atlas;
 use crate::trace::counts::RayCounts;
 

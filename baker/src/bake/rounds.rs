@@ -1,30 +1,11 @@
 //! Rounds of tracing: each brings more samples where they are wanted, so that an estimate with its error
 //! exists early and improves to the end. Here: when to stop, and what a round and all of them reached.
 
+use super::limits::Limits;
 use super::local_errors::LocalErrorSummary;
 use crate::trace::counts::RayCounts;
 use dataset::observe::count;
 use serde::{Deserialize, Serialize};
-use std::time::Instant;
-
-/// When to stop.
-#[derive(Clone, Copy, Debug)]
-pub struct Limits {
-    /// Most samples of indirect light per texel, on average over the texels that still get any.
-    pub samples: u32,
-    /// Local error below which a cell of 16×16 texels gets no more samples; met where 95 % of the texels lie
-    /// in such cells, in every frame.
-    pub target_error: Option<f64>,
-    /// When to stop whatever was reached; the first round is always made.
-    pub deadline: Option<Instant>,
-}
-
-impl Limits {
-    /// Whether nobody knows how many rounds there will be: towards a target, or under a time limit.
-    pub fn have_target(&self) -> bool {
-        self.target_error.is_some() || self.deadline.is_some()
-    }
-}
 
 /// What a round reached.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -177,6 +158,7 @@ pub fn note(round: &Round, limits: &Limits) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::time::Instant;
 
     #[test]
     fn what_kept_layers_were_traced_with_is_not_forgotten() {

@@ -4,7 +4,7 @@
 //! entry's direct light, and the entries they land on; the balance of all of them (`cache_system`) is the
 //! light.
 
-use super::block::{Worker, sum};
+use super::block::Worker;
 use super::cache_system::{CacheSystem, LEAST_PATHS, ORDINARY_PATHS, Solution, paths_per_entry};
 use super::endless_light;
 use super::indirect::Cache;
@@ -15,7 +15,7 @@ use crate::Result;
 use crate::surface::{BLOCK, BlockSurface};
 use crate::trace::cache::CacheMap;
 use crate::trace::cache_half::CacheHalf;
-use crate::trace::counts::RayCounts;
+use crate::trace::counts::{RayCounts, sum};
 use crate::trace::space::Receiver;
 use dataset::observe::Observer;
 

@@ -1,11 +1,11 @@
 //! The paths the cache is solved on: a few from each of its entries.
 
-use super::block::{Stream, Worker, sum};
+use super::block::{Stream, Worker};
 use super::cache_system::{CacheSystem, NO_ENTRY, PathEnd};
 use super::state::BlockState;
 use crate::surface::SurfacePoint;
 use crate::trace::cache::{CacheMap, Patch};
-use crate::trace::counts::RayCounts;
+use crate::trace::counts::{RayCounts, sum};
 use crate::trace::path::{Arrival, FirstHit, point_pair};
 use crate::trace::sampler::{Sample, Sequence, SequenceKind};
 use crate::trace::space::{Receiver, Space, SurroundingHits};

@@ -2,7 +2,7 @@
 
 use super::columns;
 use crate::Rgb;
-use crate::surface::BLOCK;
+use crate::surface::{BLOCK, BlockSurface};
 use crate::trace::lights::Lights;
 use bytemuck::{Pod, Zeroable};
 
@@ -14,6 +14,11 @@ pub const CELLS: usize = (BLOCK / CELL) * (BLOCK / CELL);
 pub const PROBES: u32 = 16;
 /// The bits of all of them.
 pub const ALL_PROBES: u16 = u16::MAX;
+
+/// The cell of a texel (an index within the block, row by row).
+pub fn cell_of(surface: &BlockSurface, texel: usize) -> usize {
+    (texel / surface.width / CELL) * (BLOCK / CELL) + texel % surface.width / CELL
+}
 
 /// Whether so many probed points are a texel's surface that it counts.
 pub fn is_usable(probes: u16) -> bool {

@@ -1,10 +1,12 @@
 //! What misses a target error of light as it would be stored: with its noise taken out, where that is asked
 //! for.
 
-use super::errors::{Parts, Sums};
-use super::layers::{FilteredLayer, Layers, Part, Texel, each_sum};
+use super::errors::Sums;
+use super::layers::{FilteredLayer, Layers, Texel, each_sum};
 use super::local_errors::{CellMap, LocalErrorSummary, Pieces};
+use super::plan::Part;
 use super::unconverged::{TargetJudgement, UnconvergedCells};
+use super::value::Parts;
 use crate::Result;
 
 /// Some layers of a page, and the frames that are made of them.

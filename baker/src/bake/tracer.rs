@@ -6,22 +6,23 @@
 //! was decided by is lost, all of it starts over.
 
 use super::allocate::{Class, Histogram, Pivot, classes, distinct, log2_shares};
-use super::block::{Worker, sum};
+use super::block::Worker;
 use super::endless_light;
-use super::errors::{Parts, cell_of};
 use super::indirect::Cache;
+use super::limits::Limits;
 use super::local_errors::{CellMap, of_block};
 use super::local_light::{CachedLight, Floors};
 use super::round_summary::{BlockResult, summarise};
-use super::rounds::{Limits, Round, Traced, note, schedule, stops};
+use super::rounds::{Round, Traced, note, schedule, stops};
 use super::solve::{self, Covered};
-use super::state::{BlockState, CELLS};
+use super::state::{BlockState, CELLS, cell_of};
 use super::step::Step;
 use super::unconverged::{TargetJudgement, UnconvergedCells};
+use super::value::Parts;
 use super::work::{DIRECT, PIVOT, ROUNDS, UNSETTLED, WorkFolder};
 use crate::Result;
 use crate::surface::BlockSurface;
-use crate::trace::counts::RayCounts;
+use crate::trace::counts::{RayCounts, sum};
 use dataset::observe::{Observer, count};
 use dataset::signals::stop_if_interrupted;
 use rayon::prelude::*;

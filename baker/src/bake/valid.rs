@@ -6,7 +6,8 @@
 //! alone does not count, nor does the faintest trace of the light outside: it came from a sample on an edge,
 //! beyond the neighbouring face. Otherwise chance would decide for each instance anew.
 
-use super::layers::{Layers, Part, Texel};
+use super::layers::{Layers, Texel};
+use super::plan::Part;
 use crate::Result;
 use crate::atlas::Atlas;
 use crate::atlas::owners::Owners;

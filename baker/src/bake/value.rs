@@ -4,6 +4,9 @@ use crate::Rgb;
 use bytemuck::{Pod, Zeroable};
 use half::bf16;
 
+/// The layers a frame is made of, and what each is multiplied by.
+pub type Parts = Vec<(usize, Rgb)>;
+
 /// A layer at one texel, or a sum of layers: all of it adds up.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Value {

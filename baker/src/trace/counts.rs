@@ -35,6 +35,13 @@ impl RayCounts {
     }
 }
 
+/// The sum of counts.
+pub fn sum(counts: impl IntoIterator<Item = RayCounts>) -> RayCounts {
+    let mut all = RayCounts::default();
+    counts.into_iter().for_each(|c| all += c);
+    all
+}
+
 impl std::ops::AddAssign for RayCounts {
     fn add_assign(&mut self, other: Self) {
         self.path += other.path;

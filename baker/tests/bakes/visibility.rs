@@ -2,7 +2,8 @@
 
 use crate::Stage;
 use baker::bake::block::Worker;
-use baker::bake::layers::{Layers, Part, Texel};
+use baker::bake::layers::{Layers, Texel};
+use baker::bake::plan::Part;
 use baker::bake::run::{Options, Prepared, prepare};
 use baker::bake::visibility::{Page, VisibilityBaker};
 use baker::light::schedule::parse_hours;

@@ -10,6 +10,7 @@
 //! gutter of the page, and does cross seams. Work goes block by block, and holds of the layers what the block
 //! and its surroundings need.
 
+mod texel_in_space;
 mod stored_blocks;
 mod kernels;
 mod mix;
@@ -18,7 +19,8 @@ mod neighbours;
 mod tests;
 
 use super::block::Worker;
-use super::layers::{FilteredLayer, Layers, Part, Texel};
+use super::layers::{FilteredLayer, Layers, Texel};
+use super::plan::Part;
 use super::value::{Filtered, Value};
 use crate::trace::counts::RayCounts;
 use crate::{Result, Rgb};

@@ -2,6 +2,7 @@
 //! of its light.
 
 use super::stored_blocks::{StoredBlocks, StoredBlocksWriter};
+use super::texel_in_space::{Key, SECTORS, TexelInSpace};
 use crate::Result;
 use crate::atlas::Atlas;
 use crate::bake::block::{Worker, indices};
@@ -9,7 +10,6 @@ use crate::bake::layers::Texel;
 use crate::surface::BlockSurface;
 use crate::trace::counts::RayCounts;
 use crate::trace::space::Receiver;
-use bytemuck::{Pod, Zeroable};
 use glam::{IVec3, Vec2, Vec3};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -24,8 +24,6 @@ const PER_NORMAL: f32 = 8.0;
 /// Farthest a neighbour may lie off a texel's plane, in texels: the first, plus the second per texel of
 /// distance.
 const MOST_OFF_PLANE: [f32; 2] = [0.25, 0.125];
-/// Directions along the surface in which it is found out how far one can see.
-const SECTORS: usize = 16;
 /// Nothing in sight.
 const UNBLOCKED: [u8; SECTORS] = [u8::MAX; SECTORS];
 /// Slope at which these rays rise off the surface, so that low bumps are no obstacles.
@@ -33,26 +31,10 @@ const RISE: f32 = 1.0 / 32.0;
 /// Stored steps per texel of distance.
 const STEPS_PER_TEXEL: f32 = 255.0 / REACH;
 
-/// A texel in space.
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-pub struct TexelInSpace {
-    position: Vec3,
-    normal: Vec3,
-    /// The length of a texel; 0 for invalid ones.
-    size: f32,
-    /// How far one sees along the surface, by sector.
-    free_distances: [u8; SECTORS],
-}
-
 /// The covered texels of a page in space. Invalid ones have no neighbours, and are neighbours of none.
 pub struct TexelsInSpace {
     blocks: StoredBlocks,
 }
-
-/// A box of space: the octave of the texel's size, and the box among those of that octave, along z last.
-/// (Very far boxes share a key: distances tell what is in them apart.)
-pub type Key = u64;
 
 /// Texels near a place, kept for the next one beside it.
 #[derive(Default)]

@@ -1,7 +1,7 @@
 //! Where the texels of a page lie in space, on disk block by block. In memory are the blocks used last, and
 //! an index: which blocks have texels in which box of space.
 
-use super::neighbours::{Key, TexelInSpace};
+use super::texel_in_space::{Key, TexelInSpace};
 use crate::surface::BLOCK;
 use crate::{Error, Result};
 use dataset::system::ReadExactAt;

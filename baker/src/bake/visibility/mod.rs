@@ -10,7 +10,8 @@ mod tile;
 
 use super::block::{Stream, Worker};
 use super::json;
-use super::layers::{Layers, Part, Texel};
+use super::layers::{Layers, Texel};
+use super::plan::Part;
 use super::prepare::Prepared;
 use super::sealed;
 use crate::atlas::Atlas;
