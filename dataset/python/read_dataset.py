@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Reads temporal lightmap datasets, versions 1 and 2 of the format.  pip install numpy OpenEXR blake3 (without blake3: slower)
+"""Reads temporal lightmap datasets, version 2 of the format.  pip install numpy OpenEXR blake3 (without blake3: slower)
 
     read_dataset.py yard --hour 12 --out noon.npy                 # a lightmap: height x width x 3, float32
     read_dataset.py yard --hour 12 --layer sun --page 0 --out x.npy
@@ -19,9 +19,9 @@ class Dataset:
             whole = json.loads((self.root / 'layers.json').read_text('utf-8'))
             files = [file for each in whole['layers'] for row in each['files'] for file in row if file]
             self.config = whole if all((self.root / file['path']).exists() for file in files) else self.config
-        if self.config.get('format') != 'temporal-lightmaps' or self.config['version'] not in (1, 2):
-            raise ValueError('not a temporal lightmap dataset of version 1 or 2')
-        self.frames = self.config['frames' if self.config['version'] == 2 else 'sets']
+        if self.config.get('format') != 'temporal-lightmaps' or self.config['version'] != 2:
+            raise ValueError('not a temporal lightmap dataset of version 2')
+        self.frames = self.config['frames']
         self.hours, self.verified = [frame['hour'] for frame in self.frames], set()
     def data(self, file):
         """The bytes of a file; each is compared with its checksum once."""
@@ -39,9 +39,6 @@ class Dataset:
             raise ValueError(f"{name!r}, part {part!r}: expected 'sun', 'sky', 'local' or one of {names}; 'direct', 'indirect', 'all' or None")
         if name in names and frame is not None and not self.frames[frame]['groups_on'][names.index(name)]:
             return []
-        if config['version'] == 1:  # one layer per light
-            own = config['groups'][names.index(name)]['layers'][page:page + 1] if name in names else [self.frames[frame]['maps'][page].get(name)]
-            return [file for file in own if file and part in (None, 'all')]
         if name == 'file':
             return [self.frames[frame]['maps'][page]]
         light = ('group', names.index(name)) if name in names else ('lamps' if name == 'local' else name, None)
@@ -95,7 +92,7 @@ class Dataset:
         names = [group['name'] for group in config['groups']]
         if not any(self.files(name, frame, page, None) for name in ['sun', 'sky', 'local'] + names for frame in range(n)):
             return mix('file', part=of_lamps)  # layers are not kept
-        layers = config.get('layers') or [{'light': 'sun', 'part': None}, {'light': 'sky', 'part': None}]
+        layers = config['layers']
         is_direct = lambda each: (each['light'], each['part']) == ('sun', 'direct')
         apart = 'visibility' in config and any(map(is_direct, layers))
         light = 0

@@ -6,14 +6,13 @@ use serde_json::json;
 
 mod halved;
 mod layers;
-pub(crate) mod version1;
 
 pub use halved::Halved;
 pub use layers::{Baked, Daylight, Layer, Light, Part};
 
 /// The value of [`Config::format`].
 pub const FORMAT: &str = "temporal-lightmaps";
-/// The version of the format this crate writes; it reads this and version 1, and refuses newer ones.
+/// The version of the format that this crate reads and writes.
 pub const VERSION: u32 = 2;
 
 /// The manifest. Everything in it is reproducible; timings are in `run.json`. All keys are always present,
@@ -23,7 +22,7 @@ pub const VERSION: u32 = 2;
 pub struct Config {
     /// Always [`FORMAT`].
     pub format: String,
-    /// Always [`VERSION`]: a manifest of version 1 is upgraded when it is read.
+    /// Always [`VERSION`].
     pub version: u32,
     /// The scene's name, a single path component.
     pub scene: String,

@@ -1,6 +1,5 @@
 //! A dataset's folder: writer and reader.
 
-use crate::config::version1::Config1;
 use crate::config::{Config, FileRef, Light, Noise, VERSION};
 use crate::digest::Digest;
 use crate::files::{is_component, read_json};
@@ -189,43 +188,37 @@ fn parse_manifest(path: &Path, bytes: &[u8]) -> Result<serde_json::Value> {
     }
 }
 
-/// Reads a manifest of any version, and gives everything in it that is invalid; `place` names it in errors.
+/// Reads a manifest, and gives everything in it that is invalid; `place` names it in errors.
 ///
 /// # Errors
-/// `Unsupported` for a version of the future, `Invalid` for a file that is not a manifest.
+/// `Unsupported` for another version, `Invalid` for a file that is not a manifest.
 pub fn parse_config(place: &Path, bytes: &[u8]) -> Result<(Config, Vec<Error>)> {
-    let (config, _) = parse(place, bytes)?;
+    let config = parse(place, bytes)?;
     let faults = check::faults(place, &config);
     Ok((config, faults))
 }
 
-/// A manifest with its version on disk.
-fn parse(place: &Path, bytes: &[u8]) -> Result<(Config, u32)> {
+fn parse(place: &Path, bytes: &[u8]) -> Result<Config> {
     // The version decides how the rest is read, so it is checked first.
     let value = parse_manifest(place, bytes)?;
     let unsupported = |what: String| Err(Error::unsupported(place.display(), what));
     let version = value.get("version").and_then(serde_json::Value::as_u64);
-    let config = match version {
-        Some(version) if version > u64::from(VERSION) => {
-            return unsupported(format!(
-                "format version {version}; this program reads up to {VERSION}; use a newer one"
-            ));
-        }
-        Some(1) => serde_json::from_slice(bytes).map(Config1::upgrade),
-        _ => match (0..)
-            .zip(value["pages"].as_array().into_iter().flatten())
-            .find(|(_, p)| p["kind"] == "probes")
-        {
-            Some((page, _)) => {
-                return unsupported(format!(
-                    "page {page}: kind is \"probes\"; this program reads only pages of the kind \"atlas\"; use a newer one"
-                ));
-            }
-            None => serde_json::from_slice(bytes),
-        },
-    };
-    let config = config.map_err(Error::json(place))?;
-    Ok((config, version.map_or(0, |version| version as u32)))
+    if let Some(version) = version.filter(|&version| version != u64::from(VERSION)) {
+        let advice = match version > u64::from(VERSION) {
+            true => "use a newer one",
+            false => "bake or import the dataset again",
+        };
+        return unsupported(format!(
+            "format version {version}; this program reads version {VERSION}; {advice}"
+        ));
+    }
+    let mut pages = (0..).zip(value["pages"].as_array().into_iter().flatten());
+    if let Some((page, _)) = pages.find(|(_, page)| page["kind"] == "probes") {
+        return unsupported(format!(
+            "page {page}: kind is \"probes\"; this program reads only pages of the kind \"atlas\"; use a newer one"
+        ));
+    }
+    serde_json::from_slice(bytes).map_err(Error::json(place))
 }
 
 /// Every string under a key `path`, as manifests of any version refer to files.
@@ -251,8 +244,6 @@ pub struct Dataset {
     pub root: PathBuf,
     /// Its manifest, checked for consistency (versions, counts, hours sorted, paths inside the folder).
     pub config: Config,
-    /// The format version of the manifest on disk.
-    pub version: u32,
     /// Files that were verified.
     known: verified::Known,
     /// True if rows of images are read from files that were not verified.
@@ -260,7 +251,7 @@ pub struct Dataset {
 }
 
 impl Dataset {
-    /// Reads and checks `config.json` of any version, and that the files it names exist with the lengths it
+    /// Reads and checks `config.json`, and that the files it names exist with the lengths it
     /// states.
     pub fn open(root: &Path) -> Result<Self> {
         let dataset = Self::open_manifest(root)?;
@@ -295,15 +286,15 @@ impl Dataset {
             let what = format!("not a dataset: {found}; {expected}");
             return Err(Error::invalid(root.display(), what));
         }
-        let (config, version) = parse(&manifest, &read(&manifest)?)?;
+        let config = parse(&manifest, &read(&manifest)?)?;
         let faults = check::faults(&manifest, &config);
-        Ok((Dataset::of(root, config, version), faults))
+        Ok((Dataset::of(root, config), faults))
     }
 
     /// A dataset whose manifest is in memory.
-    pub(crate) fn of(root: &Path, config: Config, version: u32) -> Self {
+    pub(crate) fn of(root: &Path, config: Config) -> Self {
         let known = verified::Known::default();
-        Dataset { root: root.to_owned(), config, version, known, trusts_rows: false }
+        Dataset { root: root.to_owned(), config, known, trusts_rows: false }
     }
 
     /// The same, but [`Dataset::map_rows`], [`Dataset::image_rows`] and [`Dataset::sum_rows`] verify no

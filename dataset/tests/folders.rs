@@ -167,8 +167,11 @@ fn every_broken_manifest_is_refused_with_a_reason() {
     type Change = fn(&mut Config);
     let changes: [(Change, &str); 25] = [
         (|c| c.format = "other".into(), "format"),
-        (|c| c.version = 3, "version 3"),
-        (|c| c.version = 0, "version is 0"),
+        (|c| c.version = 3, "format version 3; this program reads version 2; use a newer one"),
+        (
+            |c| c.version = 1,
+            "format version 1; this program reads version 2; bake or import the dataset again",
+        ),
         (|c| c.scene = "../up".into(), "scene"),
         (|c| c.pages.clear(), "no pages"),
         (|c| c.pages[0].width = 0, "size 0×20"),

@@ -147,7 +147,6 @@ fn words_that_the_manifest_does_not_know_are_refused() {
         ("/layers/0/part", "glossy".into(), "unknown variant `glossy`"),
         ("/layers/3/group", (-1).into(), "-1"),
         ("/layers/0/files/0", file.clone(), "expected a sequence"),
-        // As version 1 has it.
         (
             "/frames/0/maps/0",
             serde_json::json!({"file": file, "sun": null, "sky": null}),
@@ -158,7 +157,8 @@ fn words_that_the_manifest_does_not_know_are_refused() {
             serde_json::json!({"name": "porch", "on": [[18.0, 6.0]], "layers": []}),
             "unknown field `layers`",
         ),
-        ("/version", 1.into(), "unknown field `frames`"),
+        ("/version", 1.into(), "format version 1; this program reads version 2"),
+        ("/version", "2".into(), "invalid type: string \"2\""),
     ];
     for (pointer, value, word) in cases {
         let mut bad = good.clone();

@@ -196,7 +196,7 @@ for folder in sys.argv[2:]:
     config.layers.clear();
     Writer::create(&maps).unwrap().commit(&config).unwrap();
     let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures");
-    let [baked, imported] = ["version1-baked", "version1-imported"].map(|name| fixtures.join(name));
+    let [baked, imported] = ["baked", "imported"].map(|name| fixtures.join(name));
     let reader = Path::new(env!("CARGO_MANIFEST_DIR")).join("python");
     let mut command = Command::new(python);
     command.env("PYTHONDONTWRITEBYTECODE", "1").args([Path::new("-c"), Path::new(SCRIPT), &reader]);

@@ -162,11 +162,6 @@ fn a_table_gives_pages_hours_and_light_groups() {
     assert_eq!((dataset.mask(0).unwrap().count(), dataset.mask(1).unwrap().count()), (40 * 28, 35));
     assert!(dataset.verify(|| {}).warnings.is_empty());
 
-    // The older name of frames.
-    fs::remove_dir_all(&out).unwrap();
-    fs::write(&table, good.replace("frame", "set")).unwrap();
-    assert_eq!(imported(&origin, &out).0, config);
-
     fs::remove_dir_all(&out).unwrap();
     for (from, to, words) in [
         ("unit", "units", &["hall.toml:1: unknown field `units`"][..]),

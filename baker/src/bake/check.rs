@@ -32,7 +32,6 @@ pub struct Check {
     /// Paths per texel of the reference.
     pub samples: u32,
     /// One entry per frame with light.
-    #[serde(alias = "sets")]
     pub frames: Vec<FrameCheck>,
 }
 
@@ -40,11 +39,9 @@ pub struct Check {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct FrameCheck {
     /// Which frame.
-    #[serde(alias = "set")]
     pub frame: usize,
     /// Root mean square difference from the reference, its noise taken out: the true error. `None` where the
     /// difference is no larger than that noise, so that nothing is known but that.
-    #[serde(alias = "true_error")]
     pub measured_error: Option<f64>,
     /// Root mean square of the errors that the bake estimates for these texels.
     pub estimated_error: f64,
@@ -53,18 +50,15 @@ pub struct FrameCheck {
     /// Mean difference, with its sign: light lost or gained.
     pub mean_difference: f64,
     /// Root mean square of the reference's own standard error.
-    #[serde(alias = "reference_error")]
     pub reference_noise: f64,
     /// Median over the texels of |difference| ÷ the texel's own reference light; the noise of the reference
     /// is in it.
     pub own_error: f64,
     /// Median over the texels of the reference's own standard error ÷ the texel's own reference light.
-    #[serde(alias = "own_reference_error")]
     pub own_reference_noise: f64,
     /// The texels by eighths, the darkest first; those in which the reference finds no light are left out.
     pub eighths: Vec<BrightnessEighth>,
     /// The errors by eighths, the darkest first.
-    #[serde(alias = "told", default)]
     pub estimates: Vec<Estimate>,
 }
 
@@ -72,7 +66,6 @@ pub struct FrameCheck {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// 0 the darkest, 7 the brightest.
-    #[serde(rename = "place")]
     pub rank: usize,
     /// Mean reference light.
     pub light: f64,
@@ -95,7 +88,6 @@ impl Estimate {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BrightnessEighth {
     /// 0 the darkest, 7 the brightest.
-    #[serde(rename = "place")]
     pub rank: usize,
     /// Mean reference light.
     pub light: f64,

@@ -12,7 +12,7 @@ use super::work::WorkFolder;
 use crate::scene::LightmapSize;
 use crate::trace::counts::RayCounts;
 use crate::{Error, Result};
-use dataset::config::{Config, FileRef, VERSION};
+use dataset::config::{Config, FileRef};
 use dataset::files::{remove_stale_temporaries, sync_folder_of};
 use dataset::observe::{Observer, Silent, count};
 use dataset::store::{self, Dataset, Writer};
@@ -31,9 +31,8 @@ pub const REPORT: &str = "report.html";
 /// The outcome of the earlier run, if `out` holds exactly this bake, whole.
 pub fn up_to_date(out: &Path, inputs: &str, options: &Options, start: Instant) -> Option<Outcome> {
     let dataset = Dataset::open(out).ok().filter(|_| !options.force)?;
-    // (One that an earlier version wrote is written again, from the layers kept beside it, and so is one of
-    // which a file is damaged.)
-    if dataset.version != VERSION || dataset.config.inputs != inputs || !is_whole(&dataset) {
+    // (One of which a file is damaged is written again, from the layers kept beside it.)
+    if dataset.config.inputs != inputs || !is_whole(&dataset) {
         return None;
     }
     let run: Outcome = serde_json::from_slice(&std::fs::read(out.join(RUN)).ok()?).ok()?;

@@ -41,7 +41,6 @@ pub struct Forecast {
     pub size: [u32; 2],
     /// How many times as wide the texels of the layout were by which all this is estimated: 1 where it is
     /// that of a bake.
-    #[serde(rename = "finer")]
     pub texel_scale: u32,
     /// Pages.
     pub pages: u32,

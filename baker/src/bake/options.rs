@@ -121,7 +121,6 @@ pub struct Outcome {
     /// The dataset's folder.
     pub dataset: PathBuf,
     /// The scene file, from the dataset's folder.
-    #[serde(default)]
     pub scene_file: Option<PathBuf>,
     /// The digest of all that decides the dataset, as in its manifest.
     pub inputs: String,
@@ -134,7 +133,6 @@ pub struct Outcome {
     /// Pages.
     pub pages: u32,
     /// Frames written.
-    #[serde(alias = "sets")]
     pub frames: usize,
     /// Their hours.
     pub hours: Vec<f64>,
@@ -149,10 +147,8 @@ pub struct Outcome {
     /// Median estimated relative error over (tile, frame).
     pub relative_error: f64,
     /// Local errors: of cells of 16×16 texels, relative to the light where they are.
-    #[serde(default)]
     pub local: LocalErrors,
     /// What was denoised; `None` where nothing was.
-    #[serde(default)]
     pub denoised: Option<Denoised>,
     /// Whether a time limit ended the tracing.
     pub out_of_time: bool,
@@ -168,7 +164,6 @@ pub struct Outcome {
     /// Facts about geometry and page, in words.
     pub facts: Vec<String>,
     /// What was skipped and why.
-    #[serde(alias = "left_out")]
     pub skipped: Vec<String>,
     /// What the user should know.
     pub warnings: Vec<String>,
@@ -206,10 +201,8 @@ pub struct LocalErrors {
     /// Of all frames together; `None` without light.
     pub all: Option<LocalErrorSummary>,
     /// Of each frame.
-    #[serde(alias = "sets")]
     pub frames: Vec<Option<LocalErrorSummary>>,
     /// The frame whose 95th percentile is greatest.
-    #[serde(alias = "worst_set")]
     pub worst_frame: Option<usize>,
     /// Where many cells have more than the target error, or than 5 % without one: why, and what to do.
     pub advice: Option<String>,

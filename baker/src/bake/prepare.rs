@@ -405,7 +405,6 @@ fn settings(
     let mut settings = serde_json::to_value(scene).map_err(|e| Error::invalid("scene", e))?;
     if let Some(objects) = settings["objects"].as_array_mut() {
         for object in objects.iter_mut().filter_map(|o| o.as_object_mut()) {
-            object.remove("place");
             let name = object["file"]
                 .as_str()
                 .and_then(|f| Path::new(f).file_name()?.to_str())

@@ -23,30 +23,21 @@ pub struct Round {
     /// The largest.
     pub worst_error: f64,
     /// Relative error of every frame over the whole page, of the layers this run traces.
-    #[serde(alias = "set_errors")]
     pub frame_errors: Vec<Option<f64>>,
     /// Mean light of every frame over the whole page, of the layers this run traces.
-    #[serde(alias = "set_means")]
     pub frame_means: Vec<f64>,
     /// Local errors over all cells and frames, of the layers this run traces ([`super::local_errors`]);
     /// `None` without light.
-    #[serde(default)]
     pub local: Option<LocalErrorSummary>,
     /// Those of every frame.
-    #[serde(default)]
-    #[serde(alias = "local_sets")]
     pub local_frames: Vec<Option<LocalErrorSummary>>,
     /// Those of all frames after denoising, where the round was judged by them.
-    #[serde(default)]
     pub denoised: Option<LocalErrorSummary>,
     /// Cells that have not reached the target; 0 without one.
-    #[serde(alias = "open_cells")]
     pub unconverged_cells: usize,
     /// Whether they are too many for the target to be met.
-    #[serde(default)]
     pub is_missed: bool,
     /// Whether the time ran out during it: some blocks got fewer samples than it went for, or none.
-    #[serde(default)]
     pub is_late: bool,
 }
 
@@ -68,7 +59,6 @@ pub struct Traced {
     /// Whether the cache did not settle, and paths were traced to their end instead.
     pub is_unsettled: bool,
     /// The most samples of layers that were kept from earlier bakes, as [`Round::samples`].
-    #[serde(default)]
     pub kept_samples: u32,
 }
 

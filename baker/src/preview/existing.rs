@@ -69,9 +69,11 @@ pub fn open(
     // Through text, as the manifest went: reading a number back may round it.
     let settings = serde_json::to_string(&scene).and_then(|text| serde_json::from_str::<Value>(&text));
     let settings = settings.map_err(|e| Error::invalid("scene", e))?;
-    let changed: Vec<&str> = ["place", "sun", "sky", "groups"]
+    let tables = [("location", "place"), ("sun", "sun"), ("sky", "sky"), ("groups", "group")];
+    let changed: Vec<&str> = tables
         .into_iter()
-        .filter(|key| settings[key] != dataset.config.settings[key])
+        .filter(|(key, _)| settings[key] != dataset.config.settings[key])
+        .map(|(_, table)| table)
         .collect();
     let warnings = match changed.is_empty() {
         true => Vec::new(),

@@ -47,7 +47,6 @@ pub struct Scene {
     /// What the scene is for; may be empty. Kept in the manifest's settings.
     pub description: String,
     /// Where and when; needed when the sun or the sky follow the date.
-    #[serde(rename = "place")]
     pub location: Option<Location>,
     /// The sun; `None`: the scene has none.
     pub sun: Option<Sun>,
@@ -233,7 +232,6 @@ impl From<Baked> for dataset::config::Baked {
 #[derive(Clone, Debug, Serialize)]
 pub enum SunTrack {
     /// Astronomical position, clear-air irradiance at this turbidity.
-    #[serde(rename = "Place")]
     Computed {
         /// Linke-like turbidity of the Hosek–Wilkie model, 1 … 10.
         turbidity: f64,
@@ -300,12 +298,11 @@ pub struct Object {
     /// `.obj`, `.gltf` or `.glb`, absolute or relative to the working folder.
     pub file: PathBuf,
     /// The scene file and line that names it, for messages.
-    #[serde(rename = "place")]
+    #[serde(skip)]
     pub source_line: String,
     /// World from file space, one per instance.
     pub world_from_file: Vec<DMat4>,
     /// What holds for all of its meshes.
-    #[serde(rename = "look")]
     pub overrides: SurfaceOverrides,
     /// What holds for meshes whose material, mesh or node matches by name, or any node above; later entries
     /// win.
@@ -320,7 +317,6 @@ pub struct Part {
     /// A name, `*` standing for any run of characters.
     pub pattern: String,
     /// What it overrides.
-    #[serde(rename = "look")]
     pub overrides: SurfaceOverrides,
     /// Where it stands in the scene file, for messages.
     #[serde(skip)]

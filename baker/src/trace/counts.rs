@@ -6,19 +6,16 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RayCounts {
     /// Segments of paths.
-    #[serde(alias = "walk")]
     pub path: u64,
     /// Shadow rays to the sun.
     pub sun: u64,
     /// Shadow rays to the sun, for its visibility as a function of time.
-    #[serde(default)]
     pub visibility: u64,
     /// Shadow rays to lamps.
     pub lamp: u64,
     /// Shadow rays to the sky, through portals or at its bright parts.
     pub sky: u64,
     /// Shadow rays to bright surfaces.
-    #[serde(alias = "reflector")]
     pub bright_surface: u64,
     /// Rays that find out which points of a texel lie inside a solid, or behind a wall.
     pub inside: u64,

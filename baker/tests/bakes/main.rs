@@ -16,7 +16,6 @@ mod disk_space;
 mod scenes;
 mod statistics;
 mod transfer;
-mod version1;
 mod visibility;
 
 use baker::bake::run::{Options, Outcome, bake};

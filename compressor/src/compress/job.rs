@@ -53,7 +53,7 @@ impl<'a> Job<'a> {
         let config = &dataset.config;
         if options.without_sun && !can_omit_sun(config) {
             let layers = &config.layers;
-            // In imported datasets, and in version 1, the layer is one sum.
+            // In imported datasets the layer is one sum.
             if layers.is_empty() || layers.iter().any(Layer::is_whole_sun) {
                 let what = "does not store the sun's direct light as a separate layer, so it cannot be omitted; drop --without-sun, or bake the dataset again";
                 return Err(Error::invalid(root, what));

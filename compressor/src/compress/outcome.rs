@@ -70,7 +70,6 @@ pub struct Outcome {
     /// PSNR against seconds.
     pub curve: Vec<CurvePoint>,
     /// Remarks: what was omitted and why, and others, with the number of tiles, most frequent first.
-    #[serde(rename = "left_out")]
     pub omitted: Vec<(String, usize)>,
     /// Every tile, in the order of the bundle's index.
     pub per_tile: Vec<TileOutcome>,
@@ -90,7 +89,6 @@ pub struct TileOutcome {
     /// PSNR as stored, where it has one.
     pub psnr_db: Option<f64>,
     /// Remarks: what was omitted and why, and others.
-    #[serde(rename = "left_out")]
     pub omitted: Vec<String>,
 }
 

@@ -88,7 +88,6 @@ struct Table {
     layer: Option<String>,
     #[serde(default)]
     page: Vec<TablePage>,
-    #[serde(alias = "set")]
     frame: Vec<TableFrame>,
     #[serde(default)]
     group: Vec<TableGroup>,

@@ -64,7 +64,7 @@ pub(super) fn write(job: &Job, writer: &mut Writer, root: &Path, config: &mut Co
     }
 
     // Frames with the same layers are one image.
-    let halved = Dataset::of(root, config.clone(), config.version);
+    let halved = Dataset::of(root, config.clone());
     let mut first: BTreeMap<Vec<Vec<&str>>, usize> = BTreeMap::new();
     let mut distinct = Vec::new();
     let of_frame: Vec<usize> = (0..config.frames.len())

@@ -19,7 +19,7 @@ pub(super) fn faults(manifest: &Path, config: &Config) -> Vec<Error> {
         wrong(format!("format is {:?}; expected {FORMAT:?}", config.format));
     }
     if config.version != VERSION {
-        wrong(format!("version is {}; expected 1 to {VERSION}", config.version));
+        wrong(format!("version is {}; expected {VERSION}", config.version));
     }
     if !is_component(&config.scene) {
         wrong(format!("scene is {:?}; expected a name that can be a folder's", config.scene));

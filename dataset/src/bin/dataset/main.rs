@@ -190,7 +190,7 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
     match &config.source {
         None => console.print(format!(
             "{}: written by {}, seed {}, format version {}",
-            config.scene, config.generator, config.seed, dataset.version
+            config.scene, config.generator, config.seed, config.version
         )),
         Some(source) => {
             let (by, layout) = (&config.generator, &source.layout);
@@ -281,7 +281,7 @@ fn info(console: &Console, folder: &Path) -> Result<()> {
         "bytes": bytes,
         "pages": pages.collect::<Vec<_>>(),
         "level": level,
-        "version": dataset.version,
+        "version": config.version,
         "sun": baked(config.sun),
         "sky": baked(config.sky),
         "groups": groups.collect::<Vec<_>>(),

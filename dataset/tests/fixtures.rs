@@ -1,4 +1,5 @@
-//! Datasets of version 1 of the format: read, checked, exported and released as when they were new.
+//! Datasets of an earlier `bake` and `dataset import`: read, checked, exported and released with the same
+//! light as when they were new.
 
 mod common;
 
@@ -7,18 +8,18 @@ use dataset::console::Console;
 use dataset::exchange::{Origin, export, import};
 use dataset::layout::hprc1::Hprc1;
 use dataset::release::{release, verify};
-use dataset::store::{Dataset, MANIFEST, Writer};
-use serde_json::{Value, json};
+use dataset::store::{Dataset, MANIFEST};
+use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// The court on 22 × 22 texels, by `bake` 0.1.0: three frames, a lamp that is always on, a sign that
 /// switches.
-const BAKED: &str = "version1-baked";
+const BAKED: &str = "baked";
 /// A lightmap of 4 × 3 texels at 24 hours with its shares, by `dataset import` 0.1.0 from the layout hprc1.
-const IMPORTED: &str = "version1-imported";
-/// What `digest_of_light` gave of them in version 1: bundles that were made then hold it.
+const IMPORTED: &str = "imported";
+/// What `digest_of_light` gives of them: bundles that were made then hold it.
 const DIGESTS: [(&str, &str); 2] = [
     (BAKED, "de955576d230f127f696af57db4acfbef0e425412d500c857d1738253fe414e3"),
     (IMPORTED, "d4f3feaa852d714a4dfcb7125dc2afdcfb0c5d0119dc7fbcab469c27f6e1d3da"),
@@ -50,7 +51,6 @@ fn command(arguments: &[&str], folder: &Path) -> Value {
 fn light_has_the_digest_that_it_had() {
     for (name, digest) in DIGESTS {
         let dataset = open(name);
-        assert_eq!((dataset.version, dataset.config.version), (1, VERSION), "{name}");
         assert_eq!(dataset.config.digest_of_light(), digest, "{name}");
     }
 }
@@ -90,7 +90,7 @@ fn each_light_has_one_layer_and_maps_are_their_sums() {
         assert!(dataset.verify(|| ()).faults.is_empty(), "{name}");
         let reported = command(&["check", "--json"], &fixture(name));
         assert_eq!((&reported["ok"], &reported["frames"]), (&true.into(), &frames.into()), "{name}");
-        assert_eq!(command(&["info", "--json"], &fixture(name))["version"], 1, "{name}");
+        assert_eq!(command(&["info", "--json"], &fixture(name))["version"], VERSION, "{name}");
     }
 }
 
@@ -101,9 +101,9 @@ fn a_sum_that_is_wrong_is_found() {
     // The maps of two frames change places.
     let text = fs::read_to_string(folder.path().join(MANIFEST)).unwrap();
     let mut manifest: Value = serde_json::from_str(&text).unwrap();
-    let [first, second] = [0, 1].map(|set| manifest["sets"][set]["maps"][0]["file"].clone());
-    manifest["sets"][0]["maps"][0]["file"] = second;
-    manifest["sets"][1]["maps"][0]["file"] = first;
+    let [first, second] = [0, 1].map(|frame| manifest["frames"][frame]["maps"][0].clone());
+    manifest["frames"][0]["maps"][0] = second;
+    manifest["frames"][1]["maps"][0] = first;
     fs::write(folder.path().join(MANIFEST), manifest.to_string()).unwrap();
     let faults = Dataset::open(folder.path()).unwrap().verify(|| ()).faults;
     assert_eq!(faults.len(), 2);
@@ -118,7 +118,7 @@ fn an_imported_dataset_goes_out_and_comes_back_with_the_same_light() {
     let exported = export(&dataset, &Hprc1, &out, &Console::silent()).unwrap();
     assert_eq!((exported.hours.len(), &*exported.omitted), (24, &[][..]));
     let again = import(&Origin::Folder(&Hprc1, out), &back, &Console::silent()).unwrap();
-    assert_eq!((again.version, again.digest_of_light()), (2, dataset.config.digest_of_light()));
+    assert_eq!(again.digest_of_light(), dataset.config.digest_of_light());
     assert_eq!(again.inputs, dataset.config.inputs);
     // Files of equal content may have other names.
     let content = |config: &Config| -> Vec<_> {
@@ -148,54 +148,5 @@ fn they_are_released_with_the_manifest_that_they_have() {
             false => &["sets", "sun", "sky", "lamps"],
         };
         assert_eq!(holds, expected);
-    }
-}
-
-#[test]
-fn a_dataset_that_is_written_again_is_of_the_current_version() {
-    let folder = tempfile::tempdir().unwrap();
-    copy(&fixture(BAKED), folder.path());
-    let before = Dataset::open(folder.path()).unwrap();
-    Writer::create(folder.path()).unwrap().commit(&before.config).unwrap();
-    let after = Dataset::open(folder.path()).unwrap();
-    assert_eq!((before.version, after.version, &after.config), (1, 2, &before.config));
-    assert!(after.verify(|| ()).faults.is_empty());
-}
-
-#[test]
-fn keys_of_the_other_version_and_wrong_shapes_are_refused() {
-    let folder = tempfile::tempdir().unwrap();
-    copy(&fixture(BAKED), folder.path());
-    let good: Value = serde_json::from_slice(&fs::read(fixture(BAKED).join(MANIFEST)).unwrap()).unwrap();
-    let file = good["pages"][0]["mask"].clone();
-    type Change<'a> = &'a dyn Fn(&mut Value);
-    let cases: [(Change, &str); 11] = [
-        (&|m| m["frames"] = json!([]), "unknown field `frames`"),
-        (&|m| m["layers"] = json!([]), "unknown field `layers`"),
-        (&|m| m["sun"] = json!(null), "unknown field `sun`"),
-        (&|m| m["pages"][0]["kind"] = json!("atlas"), "unknown field `kind`"),
-        (&|m| m["groups"][0]["baked"] = json!("all"), "unknown field `baked`"),
-        (&|m| m["version"] = json!(2), "unknown field `layers`, expected one of `name`, `on`, `baked`"),
-        (&|m| m["sets"][1]["maps"] = json!([]), "frame 1, hour 12.1: maps for 0 pages; expected 1"),
-        (
-            &|m| m["groups"][1]["layers"] = json!([]),
-            "group \"sign\": layers of the parts none; expected direct and indirect, or all",
-        ),
-        (
-            &|m| m["groups"][1]["layers"] = json!([file, file]),
-            "(group \"sign\", all), row 0: files for 2 pages; expected 1",
-        ),
-        (
-            &|m| m["sets"][1]["maps"][0]["local"] = file.clone(),
-            "light is \"lamps\"; expected this only in imported datasets",
-        ),
-        (&|m| drop(m["sets"][1]["maps"][0].as_object_mut().unwrap().remove("sky")), "missing field `sky`"),
-    ];
-    for (change, word) in cases {
-        let mut manifest = good.clone();
-        change(&mut manifest);
-        fs::write(folder.path().join(MANIFEST), serde_json::to_vec_pretty(&manifest).unwrap()).unwrap();
-        let message = Dataset::open(folder.path()).expect_err(word).to_string();
-        assert!(message.contains(word), "{word}: {message}");
     }
 }
