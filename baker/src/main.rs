@@ -2,18 +2,18 @@
 
 mod report;
 
-use baker::bake::charts::Charts;
-use baker::bake::disk_space::{DiskSpace, in_words as bytes};
-use baker::bake::existing::{REPORT, replacement_note};
-use baker::bake::facts::{skipped, unwrapped};
+use baker::bake::errors::LocalErrorSummary;
+use baker::bake::forecast::LayoutEstimate;
+use baker::bake::forecast::mistakes;
+use baker::bake::forecast::views;
+use baker::bake::forecast::{DiskSpace, in_words as bytes};
 use baker::bake::forecast::{ESCAPE_RAYS, Forecast, forecast, scale};
-use baker::bake::layout_estimate::LayoutEstimate;
-use baker::bake::local_errors::LocalErrorSummary;
-use baker::bake::mistakes;
-use baker::bake::plan::hour;
-use baker::bake::prediction::{Point, Prediction, predict};
+use baker::bake::output::{Point, Prediction, predict};
+use baker::bake::output::{REPORT, replacement_note};
+use baker::bake::output::{skipped, unwrapped};
+use baker::bake::prepare::hour;
 use baker::bake::run::{Denoise, Integrator, Options, Outcome, Preset, bake, prepare};
-use baker::bake::views;
+use baker::bake::store::Charts;
 use baker::light::extra_times::{self, percent};
 use baker::light::schedule::parse_hours;
 use baker::preview::options::{HELP, Options as PreviewOptions};

@@ -1,11 +1,11 @@
 //! The bake's part of a report: error against run time, what was done, what was skipped.
 
 use baker::Result;
-use baker::bake::check::{Check, FrameCheck};
-use baker::bake::existing::ERRORS;
-use baker::bake::local_errors::{EYE_ROOM, LEAST_IRRADIANCE, LocalErrorSummary, PICTURE_STEP, VISIBLE_PART};
+use baker::bake::errors::{EYE_ROOM, LEAST_IRRADIANCE, LocalErrorSummary, PICTURE_STEP, VISIBLE_PART};
+use baker::bake::finish::{Check, FrameCheck};
+use baker::bake::output::ERRORS;
 use baker::bake::run::{Integrator, Outcome};
-use baker::bake::state::CELL;
+use baker::bake::store::CELL;
 use commands::report::Section;
 use commands::report::plot::Plot;
 use commands::report::scene::PICTURE;
@@ -153,7 +153,7 @@ fn colour(error: f64) -> [f32; 3] {
 }
 
 /// Where light was lost or gained beyond chance, by the light of the texels concerned, in words.
-pub fn worst_eighth(outcome: &Outcome, check: &Check) -> String {
+pub(crate) fn worst_eighth(outcome: &Outcome, check: &Check) -> String {
     match check.worst_eighth() {
         Some((frame, eighth)) => {
             let hour = outcome.hours.get(frame).copied().unwrap_or_default();
@@ -246,7 +246,7 @@ fn capitalised(text: &str) -> String {
 ///
 /// # Errors
 /// As reading the dataset's geometry.
-pub fn section(outcome: &Outcome, dataset: &Dataset) -> Result<Section> {
+pub(crate) fn section(outcome: &Outcome, dataset: &Dataset) -> Result<Section> {
     let mut section = Section::new("Bake");
     let how = match outcome.integrator {
         Integrator::Cached => {

@@ -4,7 +4,7 @@
 #[allow(dead_code)]
 mod common;
 
-use baker::bake::mistakes::warnings;
+use baker::bake::forecast::warnings;
 use baker::bake::run::{Options, prepare};
 use baker::light::schedule::parse_hours;
 use common::Stage;

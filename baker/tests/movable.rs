@@ -5,8 +5,8 @@
 #[allow(dead_code)]
 mod common;
 
+use baker::bake::finish::to_glb;
 use baker::bake::run::{Options, prepare};
-use baker::bake::scene_glb::to_glb;
 use baker::geometry;
 use baker::light::schedule::parse_hours;
 use baker::scene;

@@ -2,8 +2,8 @@
 
 use baker::atlas::owners::Owners;
 use baker::atlas::{self, Atlas, Face};
-use baker::bake::post::Dilation;
-use baker::bake::seams::Seams;
+use baker::bake::finish::Dilation;
+use baker::bake::finish::Seams;
 use baker::geometry::{self, Geometry, Instance};
 use baker::scene::{self, Lightmap, LightmapSize};
 use baker::surface::{BLOCK, BlockSurface, FaceBins};

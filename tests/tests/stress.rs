@@ -2,7 +2,7 @@
 //! thousand tiny charts, a compressed file with instances and vertex colours, glass, and what shines. And
 //! what many copies of a scene cost, counted in rays.
 
-use baker::bake::options::Preset;
+use baker::bake::prepare::Preset;
 use baker::bake::run::{Denoise, Integrator, Options, bake, prepare};
 use baker::light::schedule::parse_hours;
 use compressor::compress;

@@ -2,8 +2,8 @@
 //! `gltf-validator`, in the folder that `NDGI_GLTF_VALIDATOR` names, where it must work; without the variable
 //! the test says that it was skipped.
 
+use baker::bake::finish::to_glb;
 use baker::bake::run::{Options, prepare};
-use baker::bake::scene_glb::to_glb;
 use baker::light::schedule::parse_hours;
 use dataset::console::Console;
 use std::path::{Path, PathBuf};

@@ -14,14 +14,14 @@
 mod peer;
 
 use baker::atlas::owners::Owners;
-use baker::bake::assemble::Assembler;
-use baker::bake::denoise::{Denoiser, METHOD};
+use baker::bake::errors::CellMap;
+use baker::bake::finish::Assembler;
+use baker::bake::layers::Denoiser;
 use baker::bake::layers::Layers;
-use baker::bake::local_errors::CellMap;
-use baker::bake::output;
-use baker::bake::plan::Part;
+use baker::bake::output::folder;
+use baker::bake::prepare::Part;
 use baker::bake::run::{Denoise, Options, Prepared, Preset, prepare, with_worker};
-use baker::bake::value::Value;
+use baker::bake::store::Value;
 use baker::light::schedule::parse_hours;
 use dataset::console::Console;
 use peer::Peer;
@@ -48,7 +48,7 @@ fn main() {
         (prepare(Path::new(scene), &options, &Console::silent()).unwrap(), Layers::new(Path::new(out)))
     };
     let (ours, layers) = prepared(scene, out);
-    let _lock = output::lock(Path::new(out)).expect("nobody else writes there");
+    let _lock = folder::lock(Path::new(out)).expect("nobody else writes there");
     let (theirs, reference_layers) = prepared(reference_scene, reference_out);
     let (atlas, _) = ours.atlas().unwrap();
     let texels = layers.texels(&ours.base()).expect("the dataset's layers");
@@ -56,7 +56,7 @@ fn main() {
     let plan = &ours.plan;
     let assembler =
         Assembler::new(plan, &ours.geometry, &atlas, (&layers, &ours.digests), texels, &cell_map, 4).unwrap();
-    let mut denoiser = Denoiser::new(METHOD);
+    let mut denoiser = Denoiser::new(Denoise::METHOD);
     let valid: Vec<bool> = (0..assembler.texels().len()).map(|place| assembler.is_valid(place)).collect();
     let filtered = with_worker(&ours, &atlas, &[], |worker| {
         denoiser.denoise(&worker, &layers, &ours.digests, (assembler.texels(), &valid), &Console::silent())

@@ -4,15 +4,15 @@
 //! The folder gets, of layer 3, `03.traced.pfm`, `03.own.pfm` and `03.reference.pfm`: images of the virtual
 //! page, black where no texel is valid; and `charts.pfm`, with 1 + the number of each texel's chart, 0 where
 //! it is of none alone. Where `03.peer.pfm` lies beside them, and so for every layer, that is judged too, as
-//! the baker judges bakes (`bake::local_errors`), but by the distance to the reference: by the indirect light
+//! the baker judges bakes (`bake::errors::local_errors`), but by the distance to the reference: by the indirect light
 //! of each set, and by that of each layer; likewise `03.apart.pfm`, a second way of the peer's. `judged.json`
 //! tells.
 
 use baker::Rgb;
-use baker::bake::denoise::METHOD;
 use baker::bake::errors::Sums;
-use baker::bake::local_errors::{CellMap, LocalErrorSummary, Pieces};
-use baker::bake::value::{Parts, Value};
+use baker::bake::errors::{CellMap, LocalErrorSummary, Pieces};
+use baker::bake::run::Denoise;
+use baker::bake::store::{Parts, Value};
 use glam::DVec3;
 use serde_json::{Value as Json, json};
 use std::collections::BTreeMap;
@@ -84,7 +84,7 @@ impl Peer {
             }
             all.extend(self.cells(&light, &reference));
         }
-        let judged = json!({ "method": METHOD, "own": own, "layers": layers, "sets": told(&all) });
+        let judged = json!({ "method": Denoise::METHOD, "own": own, "layers": layers, "sets": told(&all) });
         let path = self.folder.join("judged.json");
         std::fs::write(path, serde_json::to_string_pretty(&judged).unwrap()).unwrap();
     }
@@ -165,7 +165,7 @@ impl Cell {
         Cell { texels: 0, floor, squared: zero(), local: zero(), light: zero() }
     }
 
-    /// Its local error (as `bake::local_errors::error`).
+    /// Its local error (as `bake::errors::local_errors::error`).
     fn error(&self, way: usize) -> f64 {
         let root = |squared: f64| (squared.max(0.0) / (3 * self.texels) as f64).sqrt();
         root(self.local[way]).min(root(self.squared[way]) / self.floor)

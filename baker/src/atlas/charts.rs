@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 /// A connected piece of surface laid flat.
 #[derive(Clone, Debug)]
-pub struct Chart {
+pub(super) struct Chart {
     /// Its triangles, ascending.
     pub faces: Vec<FlatFace>,
     /// Upper corner of the bounding box in metres × density; the lower one is (0, 0).
@@ -24,14 +24,14 @@ pub struct Chart {
 
 impl Chart {
     /// Its area in m² × density².
-    pub fn area(&self) -> f64 {
+    pub(super) fn area(&self) -> f64 {
         self.faces.iter().map(|face| signed_area(face.corners).abs()).sum()
     }
 }
 
 /// A triangle of a chart.
 #[derive(Clone, Copy, Debug)]
-pub struct FlatFace {
+pub(super) struct FlatFace {
     /// Index into `Geometry::triangles`, of the first member.
     pub triangle: u32,
     /// Corners in metres × density, of the smallest member.
@@ -40,7 +40,7 @@ pub struct FlatFace {
 
 /// The charts of one shape, and the instances that have it.
 #[derive(Clone, Debug)]
-pub struct FlatMesh {
+pub(super) struct FlatMesh {
     /// By lowest triangle.
     pub charts: Vec<Chart>,
     /// At least one. One alone has its charts wherever they fit; several share a layout.
@@ -49,12 +49,12 @@ pub struct FlatMesh {
 
 impl FlatMesh {
     /// Whether the charts form a layout of their own that goes on the page as a whole, once per member.
-    pub fn is_shared(&self) -> bool {
+    pub(super) fn is_shared(&self) -> bool {
         self.members.len() > 1
     }
 
     /// The area of all charts of all members in m² × density².
-    pub fn area(&self) -> f64 {
+    pub(super) fn area(&self) -> f64 {
         let one: f64 = self.charts.iter().map(Chart::area).sum();
         self.members.iter().map(|member| one * member.scale * member.scale).sum()
     }
@@ -62,7 +62,7 @@ impl FlatMesh {
 
 /// All charts of a geometry.
 #[derive(Debug, Default)]
-pub struct Flat {
+pub(super) struct Flat {
     /// By first member; those without a triangle of area are left out.
     pub meshes: Vec<FlatMesh>,
     /// How many instances have a layout of their file that is used.
@@ -89,7 +89,7 @@ enum Layout {
 
 /// Flattens all lightmapped instances; one task per shape, joined in order. `hidden`, ascending, get no
 /// texels where they are hidden in every instance of a shape. What `kept` has is not unwrapped again.
-pub fn flatten(geometry: &Geometry, hidden: &[u32], kept: &dyn Unwraps) -> Result<Flat> {
+pub(super) fn flatten(geometry: &Geometry, hidden: &[u32], kept: &dyn Unwraps) -> Result<Flat> {
     geometry
         .instances
         .par_iter()
@@ -172,7 +172,7 @@ fn flatten_group(
 }
 
 /// Whether a triangle is too thin to have texels.
-pub fn is_degenerate(corners: [DVec3; 3]) -> bool {
+pub(super) fn is_degenerate(corners: [DVec3; 3]) -> bool {
     area(corners).is_none()
 }
 

@@ -15,7 +15,7 @@ pub const LARGEST_SIDE: u32 = 16384;
 
 /// Most rows of the virtual page: its texels' numbers fit 32 bits, and corners are rounded to no worse than
 /// 1/256 of a texel.
-pub const MOST_ROWS: u32 = 131_072;
+pub(super) const MOST_ROWS: u32 = 131_072;
 
 /// A page is at least this many times as long as its padding is wide.
 const PADDING_OF_PAGE: u32 = 8;
@@ -28,7 +28,7 @@ const LEAST_PADDING: u32 = 2;
 const FOR_LOCALITY: f64 = 0.985;
 
 /// Pages with every chart on them.
-pub struct Filled {
+pub(super) struct Filled {
     /// Texels.
     pub width: u32,
     /// Texels.
@@ -48,7 +48,7 @@ pub struct Filled {
 }
 
 /// Packs the charts as the settings ask.
-pub fn fit(meshes: &[FlatMesh], lightmap: &Lightmap) -> Result<Filled> {
+pub(super) fn fit(meshes: &[FlatMesh], lightmap: &Lightmap) -> Result<Filled> {
     let (pages, padding) = (lightmap.pages.max(1), lightmap.padding.max(LEAST_PADDING));
     match lightmap.size {
         LightmapSize::Fixed { width, height } => {
@@ -161,7 +161,7 @@ fn limit(low: f64, high: f64, may_fit: impl Fn(f64) -> bool) -> f64 {
 
 /// Pages about square, as large as the density needs: one of at most `largest` texels each way, or as few
 /// more as it takes up to `pages`, of one size.
-pub fn grow(
+pub(super) fn grow(
     meshes: &[FlatMesh],
     texels_per_metre: f64,
     pages: u32,

@@ -15,7 +15,7 @@ unsafe extern "C" {
 }
 
 /// A mesh cut into charts.
-pub struct Unwrapped {
+pub(super) struct Unwrapped {
     /// Per face, its corners in the plane of its chart.
     pub uvs: Vec<[Vec2; 3]>,
     /// Per face, its chart; `None` where xatlas left the face out.
@@ -28,7 +28,7 @@ pub struct Unwrapped {
 /// xatlas has absolute tolerances: positions should be finite, with faces of about unit area and not much
 /// further than 10⁵ units from the origin. Runs on the calling thread and depends on nothing but its
 /// arguments.
-pub fn unwrap(positions: &[Vec3], normals: &[Vec3], faces: &[[u32; 3]]) -> Option<Unwrapped> {
+pub(super) fn unwrap(positions: &[Vec3], normals: &[Vec3], faces: &[[u32; 3]]) -> Option<Unwrapped> {
     let vertex_count = u32::try_from(positions.len()).ok()?;
     // Three indices and three edges per face must be countable in 32 bits.
     let face_count = u32::try_from(faces.len()).ok().filter(|&n| n < u32::MAX / 6)?;

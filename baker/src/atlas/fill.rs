@@ -9,7 +9,7 @@ use std::ops::Range;
 
 /// How pages are filled.
 #[derive(Clone, Copy, Debug)]
-pub struct Filling {
+pub(super) struct Filling {
     /// How many outlines of one block share it: 1, unless there are more outlines than blocks.
     pub stack: usize,
     /// See [`super::footprint::Pages::start`].
@@ -20,7 +20,7 @@ pub struct Filling {
 
 /// Squares of a page, each filled with what comes next in the order of space.
 #[derive(Clone, Copy, Debug)]
-pub struct Windows {
+pub(super) struct Windows {
     /// Side in tiles.
     pub tiles: usize,
     /// What is longer than this many blocks is placed before all else, wherever it fits.
@@ -29,7 +29,7 @@ pub struct Windows {
 
 impl Windows {
     /// From the one that keeps most together to the one that fills pages best.
-    pub const ALL: [Windows; 5] = [
+    pub(super) const ALL: [Windows; 5] = [
         Windows { tiles: 1, large: 64 },
         Windows { tiles: 1, large: 32 },
         Windows { tiles: 2, large: 64 },
@@ -47,7 +47,7 @@ const MOST_CARRIED: usize = 64;
 
 /// A page while it is being filled.
 #[derive(Clone)]
-pub struct Filler<'a> {
+pub(super) struct Filler<'a> {
     page: Page,
     /// Blocks across and down.
     size: (usize, usize),
@@ -61,12 +61,12 @@ pub struct Filler<'a> {
 
 impl<'a> Filler<'a> {
     /// An empty page of so many blocks across and down.
-    pub fn new(size: (usize, usize), filling: Filling) -> Self {
+    pub(super) fn new(size: (usize, usize), filling: Filling) -> Self {
         Filler { page: Page::new(size.0, size.1), size, filling, shared: None, first_row: BTreeMap::new() }
     }
 
     /// Places one of an item's turns, and takes its blocks; `None`, and nothing taken, if no turn fits.
-    pub fn place(&mut self, turns: &'a [Footprint]) -> Option<ChartPlacement> {
+    pub(super) fn place(&mut self, turns: &'a [Footprint]) -> Option<ChartPlacement> {
         let columns = 0..self.size.0;
         self.place_in(turns, &columns, None)
     }
@@ -119,7 +119,7 @@ impl<'a> Filler<'a> {
 
     /// Places all of these items, indices into `items` in the order of space, so that what lies together
     /// there does so on the page; tells each that is placed. Gives those that did not fit.
-    pub fn place_all(
+    pub(super) fn place_all(
         &mut self,
         items: &[&'a [Footprint]],
         list: &[usize],
@@ -184,7 +184,7 @@ impl<'a> Filler<'a> {
     }
 
     /// Rows of blocks down to the lowest item.
-    pub fn used(&self) -> usize {
+    pub(super) fn used(&self) -> usize {
         self.page.used()
     }
 }

@@ -7,11 +7,11 @@ use glam::{DVec2, Vec2Swizzles};
 
 /// Side in texels of the blocks that pages are packed by: the block of the GPU formats, and a texel of the
 /// second mip.
-pub const BLOCK: usize = 4;
+pub(super) const BLOCK: usize = 4;
 
 /// The pages to pack, all alike.
 #[derive(Clone, Copy, Debug)]
-pub struct Pages {
+pub(super) struct Pages {
     /// Texels.
     pub width: usize,
     /// Texels, at most.
@@ -25,40 +25,40 @@ pub struct Pages {
 impl Pages {
     /// Rows of the virtual page from one page's first row to the next one's, for pages of this height: see
     /// [`super::Atlas::stride`].
-    pub fn stride(&self, height: usize) -> usize {
+    pub(super) fn stride(&self, height: usize) -> usize {
         // (Dilation may reach twice its distance, of a block at least.)
         let apart = 2 * self.padding.max(BLOCK);
         if self.count > 1 { (height + apart).next_multiple_of(TILE) } else { height }
     }
 
     /// Blocks across and down; the last ones may reach past the page.
-    pub fn blocks(&self) -> (usize, usize) {
+    pub(super) fn blocks(&self) -> (usize, usize) {
         (self.width.div_ceil(BLOCK), self.height.div_ceil(BLOCK))
     }
 
     /// Texels: what is nearer to a triangle than this counts as touched. Twice the rounding of a corner to
     /// `f32` on the virtual page of all pages.
-    pub fn tolerance(&self) -> f64 {
+    pub(super) fn tolerance(&self) -> f64 {
         let rows = self.stride(self.height) * (self.count - 1) + self.height;
         TOLERANCE.max(rows.max(self.width).next_power_of_two() as f64 / f64::from(1 << 24))
     }
 
     /// Texels from a block's corner to the lower corner of a chart that starts there: as far as the filter
     /// reads.
-    pub fn start(&self) -> f64 {
+    pub(super) fn start(&self) -> f64 {
         self.padding as f64 / 2.0 - 0.5
     }
 
     /// Texels around a chart's surface whose squares the filter reads: those whose centres lie within half of
     /// its width.
-    pub fn reach(&self) -> f64 {
+    pub(super) fn reach(&self) -> f64 {
         self.padding as f64 / 2.0 - 0.5 + self.tolerance()
     }
 }
 
 /// Where a chart lies.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct ChartPlacement {
+pub(super) struct ChartPlacement {
     /// The page.
     pub page: usize,
     /// The lower corner of the chart's bounding box, in texels of the page.
@@ -69,7 +69,7 @@ pub struct ChartPlacement {
 
 /// A symmetry of the square: swap the axes, then mirror them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Turn {
+pub(super) struct Turn {
     /// Whether x and y change places.
     pub swap: bool,
     /// Whether x runs the other way.
@@ -90,20 +90,20 @@ impl Turn {
     };
 
     /// A size after the turn.
-    pub fn size(self, size: DVec2) -> DVec2 {
+    pub(super) fn size(self, size: DVec2) -> DVec2 {
         if self.swap { size.yx() } else { size }
     }
 }
 
 impl ChartPlacement {
     /// The place of what starts in this block.
-    pub fn in_block((column, row): (usize, usize), turn: Turn, start: f64) -> Self {
+    pub(super) fn in_block((column, row): (usize, usize), turn: Turn, start: f64) -> Self {
         let at = DVec2::new(column as f64, row as f64) * BLOCK as f64 + start;
         ChartPlacement { page: 0, at, turn }
     }
 
     /// From a chart's metres to texels of its page.
-    pub fn texel(&self, chart: &Chart, corner: DVec2, texels_per_metre: f64) -> DVec2 {
+    pub(super) fn texel(&self, chart: &Chart, corner: DVec2, texels_per_metre: f64) -> DVec2 {
         let (mut p, size) = (self.turn.size(corner), self.turn.size(chart.size));
         if self.turn.mirror_x {
             p.x = size.x - p.x;
@@ -117,7 +117,7 @@ impl ChartPlacement {
 
 /// The blocks that something owns when it is turned in one way.
 #[derive(Clone, Debug)]
-pub struct Footprint {
+pub(super) struct Footprint {
     /// How it is turned.
     pub turn: Turn,
     /// The blocks.
@@ -130,7 +130,7 @@ pub struct Footprint {
 
 /// Owned blocks side by side.
 #[derive(Clone, Copy, Debug)]
-pub struct Run {
+pub(super) struct Run {
     /// From the footprint's offset.
     pub row: usize,
     /// First column, from the footprint's offset.
@@ -141,13 +141,13 @@ pub struct Run {
 
 /// The largest offsets in blocks of what ends here in texels, so that all that filtering reads for it lies
 /// inside the page.
-pub fn last_offset(end: DVec2, pages: &Pages) -> Option<(usize, usize)> {
+pub(super) fn last_offset(end: DVec2, pages: &Pages) -> Option<(usize, usize)> {
     let room = DVec2::new(pages.width as f64, pages.height as f64) - pages.tolerance() - pages.reach() - end;
     (room.min_element() >= 0.0).then_some((room.x as usize / BLOCK, room.y as usize / BLOCK))
 }
 
 /// The distinct footprints of a chart's turns that fit a page.
-pub fn footprints(chart: &Chart, texels_per_metre: f64, pages: &Pages) -> Vec<Footprint> {
+pub(super) fn footprints(chart: &Chart, texels_per_metre: f64, pages: &Pages) -> Vec<Footprint> {
     let mut all: Vec<Footprint> = Vec::new();
     for turn in Turn::ALL {
         let size = turn.size(chart.size) * texels_per_metre;
@@ -163,7 +163,7 @@ pub fn footprints(chart: &Chart, texels_per_metre: f64, pages: &Pages) -> Vec<Fo
 }
 
 /// The blocks in which filtering reads texels for one of these triangles, which end at `end`.
-pub fn owned(triangles: impl Iterator<Item = [DVec2; 3]>, end: DVec2, pages: &Pages) -> Bits {
+pub(super) fn owned(triangles: impl Iterator<Item = [DVec2; 3]>, end: DVec2, pages: &Pages) -> Bits {
     let (block, reach) = (BLOCK as f64, pages.reach());
     let cells = |end: f64| ((end + reach) / block) as usize + 1;
     let mut bits = Bits::new(cells(end.x), cells(end.y));
@@ -173,7 +173,7 @@ pub fn owned(triangles: impl Iterator<Item = [DVec2; 3]>, end: DVec2, pages: &Pa
 
 impl Footprint {
     /// Of these blocks.
-    pub fn new(turn: Turn, bits: Bits, last: (usize, usize)) -> Self {
+    pub(super) fn new(turn: Turn, bits: Bits, last: (usize, usize)) -> Self {
         let runs = runs(&bits);
         Footprint { turn, bits, runs, last }
     }

@@ -4,7 +4,7 @@ use crate::geometry::Geometry;
 
 /// Per triangle, the lowest place in the list of a triangle of its island. Triangles of one island are joined
 /// by edges, that is, by two corners alike in position and lightmap coordinates.
-pub fn islands(geometry: &Geometry, triangles: &[u32]) -> Vec<usize> {
+pub(super) fn islands(geometry: &Geometry, triangles: &[u32]) -> Vec<usize> {
     joined(triangles.len(), |i, k| {
         let v = geometry.triangles[triangles[i] as usize][k] as usize;
         let (p, uv) = (geometry.positions[v], geometry.lightmap_uvs[v]);
@@ -14,7 +14,7 @@ pub fn islands(geometry: &Geometry, triangles: &[u32]) -> Vec<usize> {
 
 /// The same for triangles that lie on pages already: corners are alike where they are so in position, page
 /// and place on it. `at` gives page, u and v of a corner of the triangle at a place in the list.
-pub fn laid_islands(
+pub(super) fn laid_islands(
     geometry: &Geometry,
     triangles: &[u32],
     at: impl Fn(usize, usize) -> [f32; 3],
@@ -28,7 +28,7 @@ pub fn laid_islands(
 
 /// Per triangle, the lowest place in the list of a triangle of its piece of surface: joined by edges in
 /// space.
-pub fn surfaces(geometry: &Geometry, triangles: &[u32]) -> Vec<usize> {
+pub(super) fn surfaces(geometry: &Geometry, triangles: &[u32]) -> Vec<usize> {
     joined(triangles.len(), |i, k| geometry.corners(triangles[i] as usize)[k].to_array())
 }
 

@@ -54,7 +54,7 @@ struct Named(BTreeMap<usize, (usize, DVec2)>);
 /// # Errors
 /// `Invalid` where a lightmapped mesh has no lightmap coordinates, a node names a page beyond those asked
 /// for, or no triangle is left; `Unsupported` where the pages are too large.
-pub fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
+pub(super) fn build(geometry: &Geometry, lightmap: &Lightmap) -> Result<Atlas> {
     let LightmapSize::Fixed { width, height } = lightmap.size else {
         return Err(Error::invalid(KEEP_SETTING, "expected `size`, the page's size in texels"));
     };

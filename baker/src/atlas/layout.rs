@@ -8,7 +8,7 @@ use super::outline::outlines;
 use glam::DVec2;
 
 /// The scale of the largest member.
-pub fn largest_scale(mesh: &FlatMesh) -> f64 {
+pub(super) fn largest_scale(mesh: &FlatMesh) -> f64 {
     mesh.members.iter().map(|m| m.scale).fold(1.0, f64::max)
 }
 
@@ -20,7 +20,7 @@ fn padding(mesh: &FlatMesh, pages: &Pages) -> usize {
 }
 
 /// The width of a layout that comes out about square, in texels of the smallest member.
-pub fn width(mesh: &FlatMesh, texels_per_metre: f64, pages: &Pages) -> f64 {
+pub(super) fn width(mesh: &FlatMesh, texels_per_metre: f64, pages: &Pages) -> f64 {
     let pages = Pages { padding: padding(mesh, pages), ..*pages };
     let margins = pages.start() + pages.reach();
     let sides = mesh.charts.iter().map(|chart| (chart.size * texels_per_metre + margins).ceil());
@@ -31,7 +31,7 @@ pub fn width(mesh: &FlatMesh, texels_per_metre: f64, pages: &Pages) -> f64 {
 
 /// Packs a mesh's charts into a layout that at the largest member's scale fits a page; `None` if none is
 /// found.
-pub fn pack(
+pub(super) fn pack(
     mesh: &FlatMesh,
     texels_per_metre: f64,
     pages: &Pages,
@@ -62,7 +62,7 @@ pub fn pack(
 }
 
 /// The highest coordinates of a layout in texels of the smallest member.
-pub fn end(mesh: &FlatMesh, layout: &[ChartPlacement], texels_per_metre: f64) -> DVec2 {
+pub(super) fn end(mesh: &FlatMesh, layout: &[ChartPlacement], texels_per_metre: f64) -> DVec2 {
     let charts = mesh.charts.iter().zip(layout);
     charts
         .map(|(chart, place)| place.at + place.turn.size(chart.size) * texels_per_metre)
@@ -70,7 +70,7 @@ pub fn end(mesh: &FlatMesh, layout: &[ChartPlacement], texels_per_metre: f64) ->
 }
 
 /// The blocks a layout owns at a scale; `None` if it is larger than the page.
-pub fn footprint(
+pub(super) fn footprint(
     mesh: &FlatMesh,
     layout: &[ChartPlacement],
     texels_per_metre: f64,

@@ -13,7 +13,7 @@ struct Piece {
 }
 
 /// Per mesh, the rank of each chart (of each member, where it is shared) in the order of space.
-pub fn ranks(meshes: &[FlatMesh]) -> Vec<Vec<u32>> {
+pub(super) fn ranks(meshes: &[FlatMesh]) -> Vec<Vec<u32>> {
     let mut pieces: Vec<Piece> = Vec::new();
     for mesh in meshes {
         if mesh.is_shared() {

@@ -6,7 +6,7 @@ use super::footprint::{BLOCK, ChartPlacement, Footprint, Pages, Turn, footprints
 use glam::DVec2;
 
 /// What is placed as one.
-pub struct Outline {
+pub(super) struct Outline {
     /// Its charts, and where each begins, in texels from where it begins itself.
     pub parts: Vec<(usize, DVec2)>,
     /// The turns in which it fits a page; none if it is too large.
@@ -15,7 +15,7 @@ pub struct Outline {
 
 impl Outline {
     /// Where its parts lie.
-    pub fn chart_placements(
+    pub(super) fn chart_placements(
         &self,
         place: ChartPlacement,
     ) -> impl Iterator<Item = (usize, ChartPlacement)> + '_ {
@@ -32,7 +32,12 @@ const THIN_WIDTH: f64 = 1.0 - 1.0 / 32.0;
 const THIN_CHART_STEP: f64 = BLOCK as f64 / 2.0;
 
 /// All charts of a mesh at a density. Those that share a block are neighbours by rank.
-pub fn outlines(charts: &[Chart], ranks: &[u32], texels_per_metre: f64, pages: &Pages) -> Vec<Outline> {
+pub(super) fn outlines(
+    charts: &[Chart],
+    ranks: &[u32],
+    texels_per_metre: f64,
+    pages: &Pages,
+) -> Vec<Outline> {
     let mut alone = Vec::new();
     let (mut tiny, mut thin) = (Vec::new(), Vec::new());
     for (index, chart) in charts.iter().enumerate() {

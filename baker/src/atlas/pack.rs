@@ -12,7 +12,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Packed pages.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Packed {
+pub(super) struct Packed {
     /// One per mesh.
     pub meshes: Vec<PackedMesh>,
     /// Rows used, of the page that uses the most.
@@ -24,7 +24,7 @@ pub struct Packed {
 /// Where a mesh's charts lie. A point at texel p of the layout lies at texel `p × member.scale + origin` of
 /// the page.
 #[derive(Clone, Debug, PartialEq)]
-pub struct PackedMesh {
+pub(super) struct PackedMesh {
     /// Per chart, its place in the layout: a block of its own if the mesh is shared, else a page.
     pub chart_placements: Vec<ChartPlacement>,
     /// Per member; of a mesh that is not shared, zero: its charts say where they lie.
@@ -37,7 +37,7 @@ pub struct PackedMesh {
 
 /// Where a member's layout lies.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Origin {
+pub(super) struct Origin {
     /// The page.
     pub page: usize,
     /// Texels of the page.
@@ -45,7 +45,7 @@ pub struct Origin {
 }
 
 /// What is placed at one density: outlines of charts and of layouts.
-pub struct Items {
+pub(super) struct Items {
     /// Per mesh that is shared, its layout.
     layouts: Vec<Vec<ChartPlacement>>,
     /// Per mesh, what has one outline: charts, or a layout at one scale.
@@ -71,7 +71,7 @@ impl Kind {
 
 impl Items {
     /// Draws all outlines; `None` if one does not fit a page. `ranks` as given by [`super::locality::ranks`].
-    pub fn new(
+    pub(super) fn new(
         meshes: &[FlatMesh],
         ranks: &[Vec<u32>],
         texels_per_metre: f64,
@@ -130,12 +130,12 @@ impl Items {
     }
 
     /// The blocks that all of them own.
-    pub fn blocks(&self) -> usize {
+    pub(super) fn blocks(&self) -> usize {
         self.placed.iter().map(|&(kind, _)| self.kinds[kind].1.turns()[0].bits.count()).sum()
     }
 
     /// Puts them on pages; `None` if they do not fit.
-    pub fn pack(
+    pub(super) fn pack(
         &self,
         meshes: &[FlatMesh],
         ranks: &[Vec<u32>],

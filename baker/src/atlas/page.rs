@@ -5,7 +5,7 @@ use std::ops::Range;
 
 /// The blocks that nothing owns yet.
 #[derive(Clone)]
-pub struct Page {
+pub(super) struct Page {
     /// Per row, its free intervals `from..to`, ascending.
     free: Vec<Vec<(usize, usize)>>,
     /// Per row, the length of its longest free interval.
@@ -18,25 +18,25 @@ pub struct Page {
 
 impl Page {
     /// All free.
-    pub fn new(width: usize, height: usize) -> Self {
+    pub(super) fn new(width: usize, height: usize) -> Self {
         let free = vec![vec![(0, width)]; height];
         Page { free, longest: vec![width; height], used: 0, columns: Vec::new(), narrowed: Vec::new() }
     }
 
     /// Rows down to the lowest owned block.
-    pub fn used(&self) -> usize {
+    pub(super) fn used(&self) -> usize {
         self.used
     }
 
     /// Free blocks in a window.
-    pub fn free(&self, columns: &Range<usize>, rows: Range<usize>) -> usize {
+    pub(super) fn free(&self, columns: &Range<usize>, rows: Range<usize>) -> usize {
         let inside = |gap: &(usize, usize)| gap.1.min(columns.end).saturating_sub(gap.0.max(columns.start));
         self.free[rows].iter().flatten().map(inside).sum()
     }
 
     /// The first row from `from` to `limit` with a place for the footprint that starts in one of the columns,
     /// and the leftmost column there; if there is none, the first row not searched.
-    pub fn find(
+    pub(super) fn find(
         &mut self,
         footprint: &Footprint,
         columns: &Range<usize>,
@@ -91,7 +91,7 @@ impl Page {
     }
 
     /// Takes the footprint's blocks at column `x`, row `y`.
-    pub fn take(&mut self, footprint: &Footprint, x: usize, y: usize) {
+    pub(super) fn take(&mut self, footprint: &Footprint, x: usize, y: usize) {
         for run in &footprint.runs {
             cut(&mut self.free[y + run.row], x + run.start, x + run.start + run.length);
         }

@@ -6,11 +6,11 @@ use std::ops::Range;
 /// Texels: everything nearer to a triangle than this counts as touched, so that rounding corners to `f32` on
 /// pages up to 16384 texels (half an ulp is 2⁻¹¹) never touches a texel that was not counted. Taller virtual
 /// pages need more.
-pub const TOLERANCE: f64 = 1.0 / 1024.0;
+pub(crate) const TOLERANCE: f64 = 1.0 / 1024.0;
 
 /// A bit per texel, rows of 64-bit words, the lowest bit leftmost.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Bits {
+pub(crate) struct Bits {
     /// Texels per row.
     pub width: usize,
     /// Rows.
@@ -23,13 +23,13 @@ pub struct Bits {
 
 impl Bits {
     /// All zero.
-    pub fn new(width: usize, height: usize) -> Self {
+    pub(crate) fn new(width: usize, height: usize) -> Self {
         let stride = width.div_ceil(64);
         Bits { width, height, stride, words: vec![0; stride * height] }
     }
 
     /// The first column from `from` on whose bit in row `y` is `one`.
-    pub fn next(&self, y: usize, from: usize, one: bool) -> Option<usize> {
+    pub(crate) fn next(&self, y: usize, from: usize, one: bool) -> Option<usize> {
         let row = &self.words[y * self.stride..][..self.stride];
         let flip = if one { 0 } else { u64::MAX };
         let mut mask = u64::MAX << (from % 64);
@@ -45,17 +45,17 @@ impl Bits {
     }
 
     /// Whether the texel of this column and row is one.
-    pub fn is_set(&self, x: usize, y: usize) -> bool {
+    pub(crate) fn is_set(&self, x: usize, y: usize) -> bool {
         self.words[y * self.stride + x / 64] >> (x % 64) & 1 != 0
     }
 
     /// Number of ones.
-    pub fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         self.words.iter().map(|w| w.count_ones() as usize).sum()
     }
 
     /// Sets texels `from..to` of row `y`; returns whether one was set already.
-    pub fn set_span(&mut self, y: usize, from: usize, to: usize) -> bool {
+    pub(crate) fn set_span(&mut self, y: usize, from: usize, to: usize) -> bool {
         let mut met = 0;
         for word in from / 64..to.div_ceil(64) {
             let low = from.saturating_sub(word * 64);
@@ -70,7 +70,7 @@ impl Bits {
 
     /// Sets every texel whose closed square comes within `tolerance` of the triangle; what lies outside is
     /// clipped.
-    pub fn touch(&mut self, triangle: [DVec2; 3], tolerance: f64) {
+    pub(crate) fn touch(&mut self, triangle: [DVec2; 3], tolerance: f64) {
         for (y, columns) in touched(triangle, tolerance, self.width, self.height) {
             self.set_span(y, columns.start, columns.end);
         }
@@ -78,13 +78,13 @@ impl Bits {
 
     /// Sets every texel whose centre lies inside the triangle by more than a thousandth of a texel along both
     /// axes; returns whether one was set already, that is, whether the triangle overlaps one drawn before.
-    pub fn cover(&mut self, triangle: [DVec2; 3]) -> bool {
+    pub(crate) fn cover(&mut self, triangle: [DVec2; 3]) -> bool {
         let rows = covered(triangle, self.width, self.height);
         rows.fold(false, |overlaps, (y, columns)| self.set_span(y, columns.start, columns.end) || overlaps)
     }
 
     /// Number of ones among texels `from..to` of row `y`.
-    pub fn count_span(&self, y: usize, from: usize, to: usize) -> usize {
+    pub(crate) fn count_span(&self, y: usize, from: usize, to: usize) -> usize {
         let row = &self.words[y * self.stride..][..self.stride];
         let in_word = |word: usize| {
             let low = from.saturating_sub(word * 64);
@@ -98,7 +98,7 @@ impl Bits {
 
 /// The rows of a page and their columns, none empty, whose texels' closed squares come within `tolerance` of
 /// the triangle.
-pub fn touched(
+pub(crate) fn touched(
     triangle: [DVec2; 3],
     tolerance: f64,
     width: usize,
@@ -117,7 +117,7 @@ pub fn touched(
 
 /// The rows of a page and their columns, none empty, whose texels' centres lie inside the triangle by more
 /// than a thousandth of a texel along both axes.
-pub fn covered(
+pub(crate) fn covered(
     triangle: [DVec2; 3],
     width: usize,
     height: usize,
@@ -136,7 +136,7 @@ pub fn covered(
 }
 
 /// Corner-wise minimum and maximum.
-pub fn bounds(triangle: [DVec2; 3]) -> (DVec2, DVec2) {
+pub(crate) fn bounds(triangle: [DVec2; 3]) -> (DVec2, DVec2) {
     let [a, b, c] = triangle;
     (a.min(b).min(c), a.max(b).max(c))
 }
@@ -149,7 +149,7 @@ fn span(low: f64, high: f64, n: usize) -> Range<usize> {
 }
 
 /// The x-interval of a triangle within a horizontal band.
-pub fn x_interval(triangle: [DVec2; 3], (y0, y1): (f64, f64)) -> Option<(f64, f64)> {
+pub(crate) fn x_interval(triangle: [DVec2; 3], (y0, y1): (f64, f64)) -> Option<(f64, f64)> {
     let mut low = f64::INFINITY;
     let mut high = f64::NEG_INFINITY;
     let mut add = |x: f64| {

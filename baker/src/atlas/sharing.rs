@@ -17,7 +17,7 @@ const SAME_SCALE: f64 = 1e-6;
 
 /// Instances that share a layout, or one that shares with none.
 #[derive(Clone, Debug)]
-pub struct Group {
+pub(super) struct Group {
     /// In the order of the geometry; the layout is made from the first one.
     pub members: Vec<Member>,
     /// Density of the smallest member in units of the first one's metres.
@@ -26,7 +26,7 @@ pub struct Group {
 
 /// An instance of a group.
 #[derive(Clone, Copy, Debug)]
-pub struct Member {
+pub(super) struct Member {
     /// Index into `Geometry::instances`.
     pub instance: usize,
     /// Scale of the layout: texels per texel of the smallest member, at least 1.
@@ -39,7 +39,7 @@ pub struct Member {
 
 /// Groups all lightmapped instances, in the order of their first members: each joins the first group that
 /// takes it.
-pub fn groups(geometry: &Geometry) -> Vec<Group> {
+pub(super) fn groups(geometry: &Geometry) -> Vec<Group> {
     let mut groups: Vec<Group> = Vec::new();
     // The groups of a mesh, ascending, by the stretch of their first members.
     let mut of_mesh: BTreeMap<(u32, [i32; 2]), Vec<usize>> = BTreeMap::new();

@@ -17,7 +17,7 @@ type Lists = Vec<Vec<usize>>;
 /// (the charts of a mesh; equal ones stand side by side); `rank` is the order in which items lie in space.
 /// Gives the places, the most rows used of a page and the number of pages used, numbered from 0, or `None` if
 /// the items do not fit.
-pub fn spread(
+pub(super) fn spread(
     items: &[&[Footprint]],
     unit_of: &[usize],
     rank: &[u32],

@@ -1,56 +1,17 @@
 //! From a scene to a dataset: what to trace, tracing it in rounds, and putting the layers together.
+//!
+//! One folder is one room, in the order of the data: a room calls those above it alone. Its `mod.rs` is its
+//! door: what comes in, what goes out, who calls, and every name that the house may use. [`run`] is the bake
+//! from end to end.
 
-pub mod json;
-pub mod plan;
-pub mod sealed;
-mod columns;
-pub mod state;
-pub mod work;
-pub mod errors;
-pub mod allocate;
-pub mod block;
-pub mod local_errors;
-pub mod local_light;
-pub mod unconverged;
-pub mod probe;
-pub mod direct;
-pub mod indirect;
-pub mod endless_light;
-pub mod cache_system;
-pub mod solver_paths;
-pub mod solve;
-pub mod limits;
-pub mod rounds;
-pub mod step;
-pub mod round_summary;
-pub mod tracer;
-pub mod value;
-pub mod layer_file;
-pub mod layers;
-pub mod valid;
-pub mod denoise;
-pub mod target;
-pub mod kept;
-pub mod charts;
-pub mod check;
-pub mod post;
-pub mod seams;
-pub mod page_bands;
-pub mod assemble;
-pub mod scene_glb;
-pub mod options;
-pub mod transfer;
-pub mod hidden;
-pub mod openings;
+pub mod store;
 pub mod prepare;
-pub mod visibility;
-pub mod views;
+pub mod samples;
+pub mod cache;
+pub mod errors;
+pub mod rounds;
+pub mod layers;
+pub mod finish;
 pub mod forecast;
-pub mod disk_space;
-pub mod layout_estimate;
 pub mod output;
-pub mod existing;
-pub mod prediction;
-pub mod facts;
-pub mod mistakes;
 pub mod run;

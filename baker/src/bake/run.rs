@@ -1,34 +1,34 @@
 //! A bake from end to end.
 
-use super::assemble::{Assembler, BakedParts, Stored};
-use super::block::Worker;
-use super::charts::Charts;
-use super::check::{Check, check, choose};
-use super::denoise::Denoiser;
-use super::disk_space::DiskSpace;
-use super::endless_light;
-use super::errors::median;
-use super::existing::{self, ERRORS, RUN};
-use super::facts;
-use super::forecast::{extent, scale};
-use super::json;
-use super::kept;
-use super::layers::{FilteredLayer, Layers, Texel};
-use super::layout_estimate::LayoutEstimate;
-use super::local_errors::{CellMap, Pieces};
-use super::mistakes;
-use super::output::OutputFolder;
-use super::rounds::{Traced, guaranteed_samples};
-use super::state::SumKinds;
-use super::target;
-use super::tracer::{BlockHistory, JudgeTarget, Tracer};
-use super::valid::ValidTexels;
-use super::views;
-use super::visibility::VisibilityBaker;
-use super::work::WorkFolder;
 use crate::Result;
 use crate::atlas::Atlas;
 use crate::atlas::owners::Owners;
+use crate::bake::cache::endless_light;
+use crate::bake::errors::median;
+use crate::bake::errors::{CellMap, Pieces};
+use crate::bake::finish::VisibilityBaker;
+use crate::bake::finish::{Assembler, BakedParts, Stored};
+use crate::bake::finish::{Check, check, choose};
+use crate::bake::forecast::DiskSpace;
+use crate::bake::forecast::LayoutEstimate;
+use crate::bake::forecast::mistakes;
+use crate::bake::forecast::views;
+use crate::bake::forecast::{extent, scale};
+use crate::bake::layers::Denoiser;
+use crate::bake::layers::ValidTexels;
+use crate::bake::layers::kept;
+use crate::bake::layers::target;
+use crate::bake::layers::{FilteredLayer, Layers, Texel};
+use crate::bake::output::OutputFolder;
+use crate::bake::output::facts;
+use crate::bake::output::{ERRORS, RUN, existing};
+use crate::bake::rounds::{BlockHistory, JudgeTarget, Tracer};
+use crate::bake::rounds::{Traced, guaranteed_samples};
+use crate::bake::samples::Worker;
+use crate::bake::store::Charts;
+use crate::bake::store::SumKinds;
+use crate::bake::store::WorkFolder;
+use crate::bake::store::json;
 use crate::light::curves;
 use crate::scene::{Baked, Scene};
 use crate::surface::FaceBins;
@@ -46,9 +46,10 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-pub use super::denoise::Denoised;
-pub use super::options::{Denoise, Integrator, LayerCount, LocalErrors, Options, Outcome, Preset};
-pub use super::prepare::{Prepared, prepare};
+pub use crate::bake::layers::Denoised;
+pub use crate::bake::output::{LayerCount, LocalErrors, Outcome};
+pub use crate::bake::prepare::{Denoise, Integrator, Options, Preset};
+pub use crate::bake::prepare::{Prepared, prepare};
 
 /// Bakes a scene into a dataset.
 ///
@@ -84,9 +85,9 @@ pub fn bake(scene_file: &Path, options: &Options, console: &dyn Observer) -> Res
     let mut stored = store(&prepared, &assembler, &mut writer, console)?;
     drop(assembler);
     let sun = run.sunlight(&mut writer)?;
-    let geometry = super::scene_glb::to_glb(&prepared.geometry, &atlas)?;
+    let geometry = crate::bake::finish::to_glb(&prepared.geometry, &atlas)?;
     let glb = writer.add("scene", "glb", &geometry.glb)?;
-    writer.alias(&glb, super::scene_glb::NAME);
+    writer.alias(&glb, crate::bake::finish::NAME);
     let local = local_errors(&prepared, &stored, &traced);
     let picture = cell_map.grid().picture(stored.worst.as_ref().map(|worst| &worst.errors[..]));
     write_atomically(&out.join(ERRORS), &picture)?;

@@ -72,7 +72,7 @@ pub(super) struct Lamps {
 
 impl<'a> Groups<'a> {
     /// Those of the scene.
-    pub fn new(scene: &'a Scene, textures: &mut TextureStore) -> Self {
+    pub(super) fn new(scene: &'a Scene, textures: &mut TextureStore) -> Self {
         let maps = &textures.emission().textures;
         let is_black =
             maps.iter().map(|map| map.rgba.iter().all(|[r, g, b, _]| [r, g, b] == [&0; 3])).collect();
@@ -91,7 +91,7 @@ impl<'a> Groups<'a> {
 
     /// The group of something with these names, the first of which is its own, by the first that a group of
     /// the scene file has or lists; else a group of its own name.
-    pub fn of(&mut self, names: &Names) -> u32 {
+    pub(super) fn of(&mut self, names: &Names) -> u32 {
         let own = names.first().unwrap_or(UNNAMED);
         self.names.insert(own.to_owned());
         let group = self.of_scene(names).or_else(|| self.of_scene_by(REST));
@@ -119,7 +119,7 @@ impl<'a> Groups<'a> {
     }
 
     /// Notes something that would shine if it did not move, in the group `by_overrides` or that of its names.
-    pub fn leave_out(&mut self, names: &Names, by_overrides: Option<usize>) {
+    pub(super) fn leave_out(&mut self, names: &Names, by_overrides: Option<usize>) {
         if let Some(group) = by_overrides.or_else(|| self.of_scene(names)) {
             let name = names.first().unwrap_or(UNNAMED).to_owned();
             if !self.moving[group].contains(&name) {
@@ -160,7 +160,7 @@ impl<'a> Groups<'a> {
     }
 
     /// What a material that moves would emit: for the geometry file alone.
-    pub fn emission_left_out(
+    pub(super) fn emission_left_out(
         &mut self,
         overrides: &SurfaceOverrides,
         material: &FileMaterial,
@@ -175,7 +175,7 @@ impl<'a> Groups<'a> {
 
     /// What a material of a file emits under overrides: what they say, else what the file says. `place` is
     /// the material's file and its number there.
-    pub fn emission(
+    pub(super) fn emission(
         &mut self,
         overrides: &SurfaceOverrides,
         material: &FileMaterial,
@@ -202,7 +202,7 @@ impl<'a> Groups<'a> {
 
     /// The lights of the files, told in `warnings`; and the group that all emission of later groups belongs
     /// to, where there are too many.
-    pub fn finish(
+    pub(super) fn finish(
         self,
         scene: &Scene,
         lamps: Lamps,

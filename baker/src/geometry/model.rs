@@ -49,20 +49,20 @@ pub(super) struct NodeMesh {
 impl Model {
     /// The names that apply to a placed mesh, nearest first: of its material, node and mesh, and of every
     /// node above.
-    pub fn names_of_mesh(&self, placement: &NodeMesh) -> Names<'_> {
+    pub(super) fn names_of_mesh(&self, placement: &NodeMesh) -> Names<'_> {
         let mesh = &self.meshes[placement.mesh];
         let material = self.materials[mesh.material].name.as_str();
         self.tree.names_at(placement.node, material, &mesh.name)
     }
 
     /// The names that apply to a lamp, nearest first: of its node and its light, and of every node above.
-    pub fn names_of_lamp<'a>(&'a self, lamp: &'a FileLamp) -> Names<'a> {
+    pub(super) fn names_of_lamp<'a>(&'a self, lamp: &'a FileLamp) -> Names<'a> {
         self.tree.names(lamp.names.iter().map(String::as_str), Some(lamp.node))
     }
 
     /// What messages call a placed mesh: its node (or the nearest one above that has a name), mesh and
     /// material.
-    pub fn shown_name(&self, placement: &NodeMesh) -> String {
+    pub(super) fn shown_name(&self, placement: &NodeMesh) -> String {
         let mesh = &self.meshes[placement.mesh];
         let node =
             self.tree.path(placement.node).map(|node| node.name.as_str()).find(|name| !name.is_empty());
@@ -121,7 +121,7 @@ pub(crate) struct Attribute {
 
 impl Attribute {
     /// The bytes of one vertex.
-    pub fn of(&self, vertex: usize) -> &[u8] {
+    pub(crate) fn of(&self, vertex: usize) -> &[u8] {
         &self.bytes[vertex * self.stride..][..self.stride]
     }
 }
@@ -175,7 +175,7 @@ pub(super) struct FileEmission {
 
 impl Mesh {
     /// Digest of all that the baker reads of its surface, but what it is made of.
-    pub fn digest(&self) -> blake3::Hash {
+    pub(crate) fn digest(&self) -> blake3::Hash {
         let mut hash = blake3::Hasher::new();
         hash.update(bytemuck::cast_slice(&self.origin.to_array()));
         let mut add = |numbers: &[u8]| {
@@ -248,7 +248,7 @@ pub(super) struct Dropped {
 
 impl Dropped {
     /// Notes the copies of a mesh.
-    pub fn note_copies(self, file: &str, mesh: &str, notes: &mut Notes) {
+    pub(super) fn note_copies(self, file: &str, mesh: &str, notes: &mut Notes) {
         if self.copies > 0 {
             let what = "copies of other triangles of the mesh change no light and are left out: merge double faces in the modeller";
             notes.add(file, "mesh", format!("{mesh} ({})", plural(self.copies, "triangle")), what);

@@ -65,11 +65,11 @@ pub(crate) fn index(value: &Value) -> Option<usize> {
 
 impl Motion {
     /// Of a file in which nothing moves.
-    pub const NONE: Motion =
+    pub(crate) const NONE: Motion =
         Motion { skins: Vec::new(), animations: Vec::new(), elements: BTreeMap::new(), fault: None };
 
     /// Feeds all of it into a hash.
-    pub fn update_digest(&self, hash: &mut blake3::Hasher) {
+    pub(crate) fn update_digest(&self, hash: &mut blake3::Hasher) {
         for json in self.skins.iter().chain(&self.animations) {
             hash.update(json.to_string().as_bytes());
         }

@@ -23,7 +23,7 @@ pub(crate) struct Moving {
 
 impl Moving {
     /// Whether animations may move a node.
-    pub fn has(&self, node: usize) -> bool {
+    pub(crate) fn has(&self, node: usize) -> bool {
         self.nodes.contains(&node) || self.joints.contains(&node)
     }
 }
@@ -40,14 +40,14 @@ pub(crate) struct LeftOut {
 
 impl LeftOut {
     /// Counts a mesh, which may be a further one of an object.
-    pub fn add(&mut self, name: &str, is_further: bool, triangles: usize) {
+    pub(crate) fn add(&mut self, name: &str, is_further: bool, triangles: usize) {
         self.objects += usize::from(!is_further);
         self.triangles += triangles;
         self.name(name);
     }
 
     /// Counts the copies of a lamp.
-    pub fn add_lamps(&mut self, name: &str, copies: usize) {
+    pub(crate) fn add_lamps(&mut self, name: &str, copies: usize) {
         self.lamps += copies;
         self.name(name);
     }
@@ -59,7 +59,7 @@ impl LeftOut {
     }
 
     /// What is left out, in words, if anything is.
-    pub fn fact(&self) -> Option<String> {
+    pub(crate) fn fact(&self) -> Option<String> {
         let of = |n: usize, noun: &str| (n > 0).then(|| plural(n, noun));
         let what: Vec<String> =
             [of(self.objects, "mesh"), of(self.lamps, "lamp")].into_iter().flatten().collect();

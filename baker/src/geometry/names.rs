@@ -51,50 +51,54 @@ pub(crate) struct Names<'a> {
 
 impl Tree {
     /// A node and all above it, nearest first.
-    pub fn path(&self, node: Option<usize>) -> impl Iterator<Item = &TreeNode> {
+    pub(super) fn path(&self, node: Option<usize>) -> impl Iterator<Item = &TreeNode> {
         let at = move |node: usize| &self.nodes[node];
         std::iter::successors(node.map(at), move |node| node.parent.map(at))
     }
 
     /// What the file says of whether a node moves: it or the nearest node above that says anything.
-    pub fn movable(&self, node: Option<usize>) -> Option<bool> {
+    pub(super) fn movable(&self, node: Option<usize>) -> Option<bool> {
         self.path(node).find_map(|node| node.movable)
     }
 
     /// The names of something at a node, which are those of its own (empty ones aside) and of all nodes above
     /// `node`. Those of its own contain the node's.
-    pub fn names<'a>(&'a self, own: impl IntoIterator<Item = &'a str>, node: Option<usize>) -> Names<'a> {
+    pub(super) fn names<'a>(
+        &'a self,
+        own: impl IntoIterator<Item = &'a str>,
+        node: Option<usize>,
+    ) -> Names<'a> {
         let mut kept: Vec<&str> = own.into_iter().filter(|name| !name.is_empty()).collect();
         kept.dedup();
         Names { own: kept, tree: self, above: node.and_then(|node| self.nodes[node].parent) }
     }
 
     /// The names of a mesh at a node: of its material, node and mesh, and of every node above.
-    pub fn names_at<'a>(&'a self, node: Option<usize>, material: &'a str, mesh: &'a str) -> Names<'a> {
+    pub(super) fn names_at<'a>(&'a self, node: Option<usize>, material: &'a str, mesh: &'a str) -> Names<'a> {
         let at = node.map_or("", |node| self.nodes[node].name.as_str());
         self.names([material, at, mesh], node)
     }
 
     /// The names of a node by itself.
-    pub fn names_of_node(&self, node: usize) -> Names<'_> {
+    pub(super) fn names_of_node(&self, node: usize) -> Names<'_> {
         self.names([self.nodes[node].name.as_str()], Some(node))
     }
 }
 
 impl<'a> Names<'a> {
     /// All of them, nearest first.
-    pub fn iter(&self) -> impl Iterator<Item = &'a str> {
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &'a str> {
         let above = self.tree.path(self.above).map(|node| node.name.as_str());
         self.own.iter().copied().chain(above.filter(|name| !name.is_empty()))
     }
 
     /// The nearest one.
-    pub fn first(&self) -> Option<&'a str> {
+    pub(crate) fn first(&self) -> Option<&'a str> {
         self.iter().next()
     }
 
     /// Whether one of them fits a pattern.
-    pub fn fit(&self, pattern: &str) -> bool {
+    pub(crate) fn fit(&self, pattern: &str) -> bool {
         self.iter().any(|name| fits(pattern, name))
     }
 }

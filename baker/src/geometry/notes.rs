@@ -22,7 +22,7 @@ struct Kind {
 impl Notes {
     /// Notes something about a thing in a file: `noun` (singular) and `name` say which, `what` holds for one
     /// and for many.
-    pub fn add(
+    pub(super) fn add(
         &mut self,
         file: &str,
         noun: &'static str,
@@ -43,13 +43,13 @@ impl Notes {
     }
 
     /// Notes something about a file as a whole, in a line of its own.
-    pub fn add_line(&mut self, file: &str, what: String) {
+    pub(super) fn add_line(&mut self, file: &str, what: String) {
         let (file, names) = (file.to_owned(), Vec::new());
         self.kinds.push(Kind { file, noun: "", what, names, count: 0 });
     }
 
     /// One line per kind; what holds for things in several files is one line, too.
-    pub fn lines(&self) -> impl Iterator<Item = String> + '_ {
+    pub(super) fn lines(&self) -> impl Iterator<Item = String> + '_ {
         // (A file's own line is alike to none but itself.)
         let alike = |a: &Kind, b: &Kind| {
             std::ptr::eq(a, b) || a.count > 0 && b.count > 0 && a.noun == b.noun && a.what == b.what

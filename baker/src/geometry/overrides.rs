@@ -45,13 +45,13 @@ pub(super) struct MaterialStore {
 
 impl MaterialStore {
     /// What the materials let through; empty where all are opaque.
-    pub fn take_glass(&mut self) -> Vec<Option<Glass>> {
+    pub(super) fn take_glass(&mut self) -> Vec<Option<Glass>> {
         let glass = std::mem::take(&mut self.glass);
         if glass.iter().any(Option::is_some) { glass } else { Vec::new() }
     }
 
     /// Whether a material lets all light through that it does not absorb, and so shows no lightmap.
-    pub fn reflects_nothing(&self, material: u32) -> bool {
+    pub(super) fn reflects_nothing(&self, material: u32) -> bool {
         let (glass, material) = (&self.glass[material as usize], &self.materials[material as usize]);
         glass.as_ref().is_some_and(|glass| most_kept(glass, material.alpha) == 0.0)
     }
@@ -59,7 +59,7 @@ impl MaterialStore {
     /// The index of a file's material under overrides, and whether `albedo_max` limits what it reflects (it
     /// does not limit their own albedo). `tint` is the brightest of the vertex colours, where there are any;
     /// `emission` is what it emits under them.
-    pub fn add(
+    pub(super) fn add(
         &mut self,
         file: &FileMaterial,
         tint: Option<Vec3>,

@@ -46,7 +46,7 @@ pub(super) struct Store {
 
 impl Store {
     /// The warning about materials that were limited, if there are any.
-    pub fn warning(&self, albedo_max: f64) -> Option<String> {
+    pub(super) fn warning(&self, albedo_max: f64) -> Option<String> {
         let n = self.limited.len();
         (n > 0).then(|| {
             let (those, names) = (notes::plural(n, "material"), notes::list(&self.limited, n));

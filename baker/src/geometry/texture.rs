@@ -132,7 +132,7 @@ pub(super) struct TextureStore {
 impl TextureStore {
     /// Decodes the bytes of a PNG, JPEG or (with the feature `webp`) WebP file, or finds the texture they
     /// gave before. `place` is for messages.
-    pub fn add(&mut self, bytes: &[u8], wrap_u: Wrap, wrap_v: Wrap, place: &str) -> Result<u32> {
+    pub(super) fn add(&mut self, bytes: &[u8], wrap_u: Wrap, wrap_v: Wrap, place: &str) -> Result<u32> {
         let key = (*blake3::hash(bytes).as_bytes(), wrap_u, wrap_v);
         if let Some(&index) = self.index.get(&key) {
             return Ok(index);
@@ -157,12 +157,12 @@ impl TextureStore {
     }
 
     /// The store of emission maps, which are no part of what reflects light.
-    pub fn emission(&mut self) -> &mut TextureStore {
+    pub(super) fn emission(&mut self) -> &mut TextureStore {
         self.emission.get_or_insert_default()
     }
 
     /// A texture with the alpha of another and white everywhere.
-    pub fn white(&mut self, of: u32) -> u32 {
+    pub(super) fn white(&mut self, of: u32) -> u32 {
         if let Some(&index) = self.white.get(&of) {
             return index;
         }
@@ -176,7 +176,7 @@ impl TextureStore {
     }
 
     /// The greatest value of each channel of a texture, [`Texture::brightest`].
-    pub fn brightest(&mut self, of: u32) -> Vec3 {
+    pub(super) fn brightest(&mut self, of: u32) -> Vec3 {
         *self.brightest.entry(of).or_insert_with(|| self.textures[of as usize].brightest())
     }
 

@@ -26,7 +26,7 @@ pub(super) struct Harmonic {
 impl Harmonic {
     /// Radiance from a direction, of which all functions are known.
     #[inline]
-    pub fn radiance(&self, values: &[f32; FUNCTIONS], direction: Vec3) -> f32 {
+    pub(super) fn radiance(&self, values: &[f32; FUNCTIONS], direction: Vec3) -> f32 {
         if self.upper && direction.y < 0.0 {
             return 0.0;
         }

@@ -9,14 +9,14 @@ use dataset::store::Dataset;
 use glam::{Vec2, Vec3};
 
 /// Baked irradiance.
-pub struct Baked {
+pub(super) struct Baked {
     layout: TriangleLayout,
     pages: Vec<Image>,
 }
 
 impl Baked {
     /// Reads the frames of a blend and sums them.
-    pub fn read(dataset: &Dataset, blend: &Blend, layout: TriangleLayout) -> Result<Self> {
+    pub(super) fn read(dataset: &Dataset, blend: &Blend, layout: TriangleLayout) -> Result<Self> {
         let sum = |page: usize| -> Result<Image> {
             let mut sum: Option<Image> = None;
             for &(frame, weight) in &blend.parts {
@@ -32,7 +32,7 @@ impl Baked {
     }
 
     /// Decodes a bundle at an hour.
-    pub fn decode(bundle: &Compressed, hour: f64, layout: TriangleLayout) -> Result<Self> {
+    pub(super) fn decode(bundle: &Compressed, hour: f64, layout: TriangleLayout) -> Result<Self> {
         let page = |page| {
             let ndgi::decode::Image { width, height, texels } = bundle.decoder.decode_page(page, hour)?;
             Ok(Image { width, height, texels })
@@ -43,7 +43,7 @@ impl Baked {
     }
 
     /// Irradiance at a point of the front of a triangle; `None` where it has no texels.
-    pub fn irradiance(&self, triangle: u32, barycentric: Vec3) -> Option<Rgb> {
+    pub(super) fn irradiance(&self, triangle: u32, barycentric: Vec3) -> Option<Rgb> {
         let (page, [a, b, c]) = self.layout.of(triangle)?;
         let texel = a * barycentric.x + b * barycentric.y + c * barycentric.z;
         Some(bilinear(&self.pages[page], texel))

@@ -5,7 +5,7 @@ use dataset::config::Config;
 
 /// The frames that show an hour, each with its weight.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Blend {
+pub(super) struct Blend {
     /// Indices of frames; the weights sum to 1.
     pub parts: Vec<(usize, f32)>,
     /// What was chosen, in words.
@@ -18,7 +18,7 @@ impl Blend {
     /// The frame of this hour; else its two neighbours on the circle of the day, linearly, or, where groups
     /// switch between them, the one whose groups are as they are then; else the nearest frame of all that has
     /// them so (as a bundle decodes).
-    pub fn new(config: &Config, hour: f64) -> Self {
+    pub(super) fn new(config: &Config, hour: f64) -> Self {
         /// Two times of day nearer than this are one, in hours.
         const SAME: f64 = 1e-6;
         let frames = &config.frames;
@@ -80,7 +80,7 @@ impl Blend {
 impl Blend {
     /// A warning where all of its frames are hours away from what is asked for, and their light may be quite
     /// another; it says which hours there are.
-    pub fn far(&self, config: &Config, hour: f64) -> Option<String> {
+    pub(super) fn far(&self, config: &Config, hour: f64) -> Option<String> {
         /// As much of a day is interpolated without a word, in hours.
         const NEAR: f64 = 2.0;
         /// Hours that are listed.

@@ -2,14 +2,14 @@
 
 use crate::{Error, Result};
 use dataset::config::Config;
-pub use dataset::error::of_bundle;
+pub(super) use dataset::error::of_bundle;
 use dataset::store::Dataset;
 use ndgi::decode::Decoder;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 /// An opened bundle.
-pub struct Compressed {
+pub(super) struct Compressed {
     /// Its file.
     pub path: PathBuf,
     /// Its light.
@@ -23,19 +23,19 @@ impl Compressed {
     ///
     /// # Errors
     /// A file that is no bundle, or is damaged.
-    pub fn open(path: &Path) -> Result<Self> {
+    pub(super) fn open(path: &Path) -> Result<Self> {
         let decoder = Decoder::open(path).map_err(of_bundle)?;
         let info = serde_json::from_str(&decoder.bundle().header.info).unwrap_or_default();
         Ok(Compressed { path: path.to_owned(), decoder, info })
     }
 
     /// Whether the sun's direct light was left to the game.
-    pub fn lacks_sun(&self) -> bool {
+    pub(super) fn lacks_sun(&self) -> bool {
         self.info["sun"] == "left out"
     }
 
     /// An error where it is a bundle of another scene, or has other pages than a dataset.
-    pub fn expect_of(&self, dataset: &Dataset) -> Result<()> {
+    pub(super) fn expect_of(&self, dataset: &Dataset) -> Result<()> {
         let (header, config) = (&self.decoder.bundle().header, &dataset.config);
         let refuse = |what: String| {
             let how = format!("`compress {}` makes one of this dataset", dataset.root.display());
@@ -60,7 +60,7 @@ impl Compressed {
     }
 
     /// What is to be said of its light at an hour; `moves`: daylight changes with the hour.
-    pub fn doubts(&self, config: &Config, hour: f64, moves: bool) -> Vec<String> {
+    pub(super) fn doubts(&self, config: &Config, hour: f64, moves: bool) -> Vec<String> {
         /// Frames this far apart, in hours, leave a part of the day that nobody baked.
         const FAR: f64 = 12.0;
         let (path, timeline) = (self.path.display(), &self.decoder.bundle().header.timeline);

@@ -47,7 +47,7 @@ impl DefaultViewpoint<'_> {
     /// Whether a place lies outside all bodies, with nothing closer than `room`: of what is seen all around,
     /// hardly anything shows its back. (Whether a material is two-sided says nothing here: many programs
     /// export all of them so.)
-    pub fn is_free(&self, place: DVec3, room: f64) -> bool {
+    pub(super) fn is_free(&self, place: DVec3, room: f64) -> bool {
         /// Part of what is seen that may show its back: leaves, and sheets.
         const BACKS: usize = DIRECTIONS_AROUND / 4;
         let hits = sphere(DIRECTIONS_AROUND).map(|direction| (direction, self.hit(place, direction)));
@@ -61,7 +61,7 @@ impl DefaultViewpoint<'_> {
 
     /// How much a view shows: over its ray_tracer: &rays, the root of the distance to what is lit, in units
     /// of `length`, and more for many materials. What is dimmer than `light` counts in proportion.
-    pub fn worth(&self, (place, look_at): View, length: f64, light: f32) -> f64 {
+    pub(super) fn worth(&self, (place, look_at): View, length: f64, light: f32) -> f64 {
         let forward = (look_at - place).normalize_or(DVec3::NEG_Z);
         let right = forward.cross(DVec3::Y).normalize_or(DVec3::X);
         let up = right.cross(forward);
@@ -96,7 +96,7 @@ impl DefaultViewpoint<'_> {
     }
 
     /// Those places of a lattice in a box that lie outside all bodies and have room around them.
-    pub fn free_places(&self, low: DVec3, high: DVec3) -> Vec<DVec3> {
+    pub(super) fn free_places(&self, low: DVec3, high: DVec3) -> Vec<DVec3> {
         let (size, length) = (high - low, (high - low).length());
         let at = |i: usize, height: f64| {
             let of = |k: usize| (k as f64 + 0.5) / POINTS_ALONG as f64;
@@ -110,7 +110,7 @@ impl DefaultViewpoint<'_> {
 
     /// `first`, if it lies outside all bodies and shows half of what the best view does; else the best view
     /// from a lattice of places in a box; `first` all the same where none of them is free.
-    pub fn best(&self, first: View, low: DVec3, high: DVec3) -> View {
+    pub(super) fn best(&self, first: View, low: DVec3, high: DVec3) -> View {
         let length = (high - low).length();
         let points = self.free_places(low, high);
         let light = self.light(&points);

@@ -2,9 +2,9 @@
 
 use super::triangle_layout::TriangleLayout;
 use crate::atlas::{self, Atlas};
-use crate::bake::charts::Charts;
-use crate::bake::hidden;
-use crate::bake::scene_glb::to_glb;
+use crate::bake::finish::to_glb;
+use crate::bake::prepare::hidden;
+use crate::bake::store::Charts;
 use crate::geometry::{self, Geometry, LightmapPlace};
 use crate::scene::{Baked, Lightmap, Scene};
 use crate::{Error, Result};
@@ -16,7 +16,7 @@ use serde_json::Value;
 use std::path::Path;
 
 /// A dataset, and what it is shown on.
-pub struct Shown {
+pub(super) struct Shown {
     /// The finished dataset.
     pub dataset: Dataset,
     /// The scene whose light it is, with that of its files.
@@ -30,7 +30,7 @@ pub struct Shown {
 }
 
 /// An error where a folder holds no finished dataset.
-pub fn expect_finished(folder: &Path, scene_file: &Path, scene: &str) -> Result<()> {
+pub(super) fn expect_finished(folder: &Path, scene_file: &Path, scene: &str) -> Result<()> {
     if folder.join(MANIFEST).is_file() {
         return Ok(());
     }
@@ -49,7 +49,7 @@ pub fn expect_finished(folder: &Path, scene_file: &Path, scene: &str) -> Result<
 ///
 /// # Errors
 /// [`Error::Invalid`] where it is of another scene, or has no geometry of its own where it needs one.
-pub fn open(
+pub(super) fn open(
     folder: &Path,
     scene_file: &Path,
     mut scene: Scene,

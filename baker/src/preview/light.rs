@@ -1,7 +1,7 @@
 //! The layers of the frames that are shown, each with its share.
 
 use crate::Rgb;
-use crate::bake::plan::Plan;
+use crate::bake::prepare::Plan;
 use crate::geometry::Geometry;
 use crate::light::schedule::Hours;
 use crate::scene::Scene;
@@ -10,7 +10,7 @@ use glam::Vec3;
 use std::collections::BTreeMap;
 
 /// The light that is shown.
-pub struct Light {
+pub(super) struct Light {
     /// One layer per distinct sun, sky and group that shines.
     pub lights: Lights,
     /// Per layer, what its light is multiplied by.
@@ -19,7 +19,7 @@ pub struct Light {
 
 impl Light {
     /// The light at some hours, each with its share: those of the texels beside it.
-    pub fn new(scene: &Scene, geometry: &Geometry, hours: &[(f64, f32)]) -> Self {
+    pub(super) fn new(scene: &Scene, geometry: &Geometry, hours: &[(f64, f32)]) -> Self {
         let mut list: Vec<f64> = hours.iter().map(|&(hour, _)| hour).collect();
         list.sort_by(f64::total_cmp);
         let plan = Plan::new(scene, geometry, &Hours { list, ..Hours::default() }, 0);
@@ -36,19 +36,19 @@ impl Light {
     }
 
     /// The sum of all layers' light.
-    pub fn sum(&self, layers: &[Rgb]) -> Rgb {
+    pub(super) fn sum(&self, layers: &[Rgb]) -> Rgb {
         layers.iter().zip(&self.weights).map(|(light, weight)| *light * *weight).sum()
     }
 
     /// Radiance of the sky, and of the ground below the horizon.
-    pub fn sky(&self, direction: Vec3) -> Rgb {
+    pub(super) fn sky(&self, direction: Vec3) -> Rgb {
         let mut radiance = vec![Rgb::ZERO; self.lights.layers()];
         self.lights.add_from_outside(direction, Rgb::ONE, &mut radiance, None);
         self.sum(&radiance)
     }
 
     /// Radiance that a triangle emits at a point.
-    pub fn emission(&self, geometry: &Geometry, triangle: usize, barycentrics: Vec3) -> Rgb {
+    pub(super) fn emission(&self, geometry: &Geometry, triangle: usize, barycentrics: Vec3) -> Rgb {
         let material = geometry.material_of[triangle];
         let group = geometry.materials[material as usize].emission.map(|emission| emission.group as usize);
         let place = group.and_then(|group| self.lights.index_of_group.get(group).copied().flatten());

@@ -14,7 +14,7 @@ use image::ImageEncoder;
 use rayon::prelude::*;
 
 /// A view in linear light.
-pub struct Picture {
+pub(super) struct Picture {
     size: [u32; 2],
     /// Row by row from the top.
     pixels: Vec<Pixel>,
@@ -29,7 +29,7 @@ struct Pixel {
 
 impl Picture {
     /// Traces a view; a pixel's random numbers are a function of its place, so that threads change nothing.
-    pub fn trace(
+    pub(super) fn trace(
         shader: &Shader,
         lens: &Lens,
         size: [u32; 2],
@@ -66,7 +66,7 @@ impl Picture {
     }
 
     /// The shares of rays that met surfaces with light, and without.
-    pub fn met(&self) -> [f64; 2] {
+    pub(super) fn met(&self) -> [f64; 2] {
         let mean = |of: fn(&Pixel) -> f32| {
             self.pixels.iter().map(|pixel| f64::from(of(pixel))).sum::<f64>() / self.pixels.len() as f64
         };
@@ -74,13 +74,13 @@ impl Picture {
     }
 
     /// The exposure that suits its surfaces with light, as a power of two: see [`automatic_exposure`].
-    pub fn exposure(&self) -> f64 {
+    pub(super) fn exposure(&self) -> f64 {
         let surfaces = self.pixels.iter().filter(|pixel| pixel.lit > 0.5);
         automatic_exposure(surfaces.map(|pixel| luminance(pixel.radiance)))
     }
 
     /// The bytes of a PNG file.
-    pub fn to_png(&self, exposure: f64) -> Vec<u8> {
+    pub(super) fn to_png(&self, exposure: f64) -> Vec<u8> {
         let scale = exposure.exp2() as f32;
         let pixels = self.pixels.iter();
         let samples: Vec<u8> =

@@ -16,7 +16,7 @@ use std::f32::consts::PI;
 use std::ops::Range;
 
 /// Radiance along camera rays.
-pub struct Shader<'a> {
+pub(super) struct Shader<'a> {
     /// The scene, and paths in it.
     pub transport: Transport<'a>,
     /// The emitters.
@@ -30,7 +30,7 @@ pub struct Shader<'a> {
 
 /// What a camera ray ends at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Seen {
+pub(super) enum Seen {
     /// The sky, or the ground below it.
     Outside,
     /// A surface with light.
@@ -42,7 +42,13 @@ pub enum Seen {
 impl Shader<'_> {
     /// Radiance that arrives along a camera ray, and what from; `number` is the ray's place in its pixel's
     /// `paths`.
-    pub fn radiance(&self, origin: Vec3, direction: Vec3, paths: Sequence, number: u32) -> (Rgb, Seen) {
+    pub(super) fn radiance(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        paths: Sequence,
+        number: u32,
+    ) -> (Rgb, Seen) {
         /// Backs that one ray passes; more are the walls of an endless stack.
         const MOST_BACKS: usize = 256;
         let (space, geometry) = (&self.transport.space, self.transport.space.geometry);

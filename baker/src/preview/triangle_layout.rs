@@ -6,11 +6,11 @@ use dataset::config::Page;
 use glam::Vec2;
 
 /// Per triangle, its page and its corners there in texels; `None` where it has no texels.
-pub struct TriangleLayout(Vec<Option<(u32, [Vec2; 3])>>);
+pub(super) struct TriangleLayout(Vec<Option<(u32, [Vec2; 3])>>);
 
 impl TriangleLayout {
     /// As an atlas has laid them out.
-    pub fn of_atlas(geometry: &Geometry, atlas: &Atlas) -> Self {
+    pub(super) fn of_atlas(geometry: &Geometry, atlas: &Atlas) -> Self {
         let mut layout = vec![None; geometry.triangles.len()];
         for face in &atlas.faces {
             let page = atlas.page_of(face);
@@ -22,7 +22,7 @@ impl TriangleLayout {
 
     /// As a geometry file tells them, for pages of these sizes. What the file leaves out has (0, 0) at all
     /// corners.
-    pub fn of_file(geometry: &Geometry, pages: &[Page]) -> Self {
+    pub(super) fn of_file(geometry: &Geometry, pages: &[Page]) -> Self {
         let mut layout = vec![None; geometry.triangles.len()];
         for instance in &geometry.instances {
             let LightmapPlace::At { page, scale, offset } = instance.lightmap_place else { continue };
@@ -40,7 +40,7 @@ impl TriangleLayout {
     }
 
     /// The page of a triangle and its corners there.
-    pub fn of(&self, triangle: u32) -> Option<(usize, [Vec2; 3])> {
+    pub(super) fn of(&self, triangle: u32) -> Option<(usize, [Vec2; 3])> {
         self.0[triangle as usize].map(|(page, corners)| (page as usize, corners))
     }
 }

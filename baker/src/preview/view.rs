@@ -15,7 +15,7 @@ use std::f64::consts::TAU;
 ///
 /// # Errors
 /// A name that no camera has; a camera that looks at where it stands.
-pub fn asked(options: &Options, scene: &Scene, geometry: &Geometry) -> Result<Option<Camera>> {
+pub(crate) fn asked(options: &Options, scene: &Scene, geometry: &Geometry) -> Result<Option<Camera>> {
     let of_scene = match &options.camera {
         None => scene.cameras.first().cloned(),
         Some(name) => scene.cameras.iter().find(|camera| camera.name == *name).cloned(),
@@ -47,7 +47,7 @@ pub fn asked(options: &Options, scene: &Scene, geometry: &Geometry) -> Result<Op
 ///
 /// # Errors
 /// `--look-at` is where it stands.
-pub fn default(
+pub(crate) fn default(
     options: &Options,
     geometry: &Geometry,
     ray_tracer: &RayTracer,
@@ -79,7 +79,7 @@ fn aimed(mut camera: Camera, options: &Options) -> Result<Camera> {
 const INSIDE_FOV: f64 = 80.0;
 
 /// The least length in metres of something that people stand in: what is smaller is looked at from outside.
-pub const SMALLEST_ROOM: f64 = 3.0;
+pub(crate) const SMALLEST_ROOM: f64 = 3.0;
 
 /// The box around what has texels, in the world.
 struct Lit {

@@ -11,7 +11,7 @@ use std::panic::catch_unwind;
 const MOST_TEXELS_PER_BYTE: u64 = 128;
 
 /// Whether a file begins as a Radiance picture does, whatever its name.
-pub fn is_radiance(bytes: &[u8]) -> bool {
+pub(super) fn is_radiance(bytes: &[u8]) -> bool {
     bytes.starts_with(b"#?")
 }
 

@@ -133,33 +133,33 @@ impl<'a> Table<'a> {
     }
 
     /// `file:line` of its heading.
-    pub fn source_line(&self) -> String {
+    pub(super) fn source_line(&self) -> String {
         self.source.source_line(self.offset)
     }
 
     /// An error about the table as a whole.
-    pub fn error(&self, what: impl Display) -> Error {
+    pub(super) fn error(&self, what: impl Display) -> Error {
         Error::invalid(self.source_line(), format!("{}: {what}", self.name))
     }
 
     /// The value of an optional key.
-    pub fn get(&self, key: &str) -> Option<Value<'a>> {
+    pub(super) fn get(&self, key: &str) -> Option<Value<'a>> {
         let value = self.table.get(key)?;
         Some(Value { source: self.source, key: key.to_owned(), value })
     }
 
     /// The value of a key that must be there.
-    pub fn require(&self, key: &str, expected: &str) -> Result<Value<'a>> {
+    pub(super) fn require(&self, key: &str, expected: &str) -> Result<Value<'a>> {
         self.get(key).ok_or_else(|| self.error(format!("`{key}` is missing: expected {expected}")))
     }
 
     /// A table under a key, or `None`.
-    pub fn table(&self, key: &str, keys: &[&str]) -> Result<Option<Table<'a>>> {
+    pub(super) fn table(&self, key: &str, keys: &[&str]) -> Result<Option<Table<'a>>> {
         self.get(key).map(|v| v.table(format!("[{key}]"), keys)).transpose()
     }
 
     /// The tables `[[key]]`, none if the key is absent.
-    pub fn tables(&self, key: &str, keys: &[&str]) -> Result<Vec<Table<'a>>> {
+    pub(super) fn tables(&self, key: &str, keys: &[&str]) -> Result<Vec<Table<'a>>> {
         let Some(value) = self.get(key) else { return Ok(Vec::new()) };
         let heading = match self.name.strip_prefix("[[").and_then(|name| name.strip_suffix("]]")) {
             Some(outer) => format!("[[{outer}.{key}]]"),
@@ -183,17 +183,17 @@ pub(super) struct Value<'a> {
 
 impl<'a> Value<'a> {
     /// `file:line`.
-    pub fn source_line(&self) -> String {
+    pub(super) fn source_line(&self) -> String {
         self.source.source_line(self.value.span().start)
     }
 
     /// `key = value`, as typed.
-    pub fn shown(&self) -> String {
+    pub(super) fn shown(&self) -> String {
         format!("{} = {}", self.key, self.source.excerpt(self.value.span()))
     }
 
     /// `file:line: key = value: what`.
-    pub fn error(&self, what: impl Display) -> Error {
+    pub(super) fn error(&self, what: impl Display) -> Error {
         Error::invalid(self.source_line(), format!("{}: {what}", self.shown()))
     }
 
@@ -202,7 +202,7 @@ impl<'a> Value<'a> {
     }
 
     /// A finite number that passes `test`.
-    pub fn number(&self, expected: &str, test: impl Fn(f64) -> bool) -> Result<f64> {
+    pub(super) fn number(&self, expected: &str, test: impl Fn(f64) -> bool) -> Result<f64> {
         let number = match self.value.get_ref() {
             DeValue::Float(f) => f.as_str().parse::<f64>().ok(),
             DeValue::Integer(i) => i64::from_str_radix(i.as_str(), i.radix()).ok().map(|i| i as f64),
@@ -212,7 +212,7 @@ impl<'a> Value<'a> {
     }
 
     /// An integer that passes `test`.
-    pub fn integer(&self, expected: &str, test: impl Fn(i64) -> bool) -> Result<i64> {
+    pub(super) fn integer(&self, expected: &str, test: impl Fn(i64) -> bool) -> Result<i64> {
         let integer = match self.value.get_ref() {
             DeValue::Integer(i) => i64::from_str_radix(i.as_str(), i.radix()).ok(),
             _ => None,
@@ -221,12 +221,12 @@ impl<'a> Value<'a> {
     }
 
     /// `true` or `false`.
-    pub fn boolean(&self) -> Result<bool> {
+    pub(super) fn boolean(&self) -> Result<bool> {
         self.value.get_ref().as_bool().ok_or_else(|| self.expected("true or false"))
     }
 
     /// A string; a TOML date or time gives its text.
-    pub fn text(&self, expected: &str) -> Result<&'a str> {
+    pub(super) fn text(&self, expected: &str) -> Result<&'a str> {
         match self.value.get_ref() {
             DeValue::String(s) => Ok(s.as_ref()),
             DeValue::Datetime(_) => Ok(self.source.text.get(self.value.span()).unwrap_or("")),
@@ -235,14 +235,14 @@ impl<'a> Value<'a> {
     }
 
     /// The elements of an array, named `key[i]`.
-    pub fn array(&self, expected: &str) -> Result<Vec<Value<'a>>> {
+    pub(super) fn array(&self, expected: &str) -> Result<Vec<Value<'a>>> {
         let array = self.value.get_ref().as_array().ok_or_else(|| self.expected(expected))?;
         let element = |(i, value)| Value { source: self.source, key: format!("{}[{i}]", self.key), value };
         Ok(array.iter().enumerate().map(element).collect())
     }
 
     /// Three finite numbers each of which passes `test`.
-    pub fn vector(&self, expected: &str, test: impl Fn(f64) -> bool) -> Result<DVec3> {
+    pub(super) fn vector(&self, expected: &str, test: impl Fn(f64) -> bool) -> Result<DVec3> {
         let elements = self.array(expected)?;
         let [x, y, z] = &elements[..] else { return Err(self.expected(expected)) };
         // The whole vector stands in the message, not the element.
@@ -251,7 +251,7 @@ impl<'a> Value<'a> {
     }
 
     /// Three finite numbers, or one that stands for all three; each passes `test`.
-    pub fn vector_or_number(&self, expected: &str, test: impl Fn(f64) -> bool) -> Result<DVec3> {
+    pub(super) fn vector_or_number(&self, expected: &str, test: impl Fn(f64) -> bool) -> Result<DVec3> {
         match self.value.get_ref() {
             DeValue::Array(_) => self.vector(expected, test),
             _ => Ok(DVec3::splat(self.number(expected, test)?)),
@@ -259,17 +259,17 @@ impl<'a> Value<'a> {
     }
 
     /// Whether it is an array.
-    pub fn is_array(&self) -> bool {
+    pub(super) fn is_array(&self) -> bool {
         self.value.get_ref().is_array()
     }
 
     /// Whether it is a string.
-    pub fn is_text(&self) -> bool {
+    pub(super) fn is_text(&self) -> bool {
         self.value.get_ref().is_str()
     }
 
     /// A table called `name` in messages.
-    pub fn table(&self, name: String, keys: &[&str]) -> Result<Table<'a>> {
+    pub(super) fn table(&self, name: String, keys: &[&str]) -> Result<Table<'a>> {
         let table = self.value.get_ref().as_table().ok_or_else(|| self.expected("a table"))?;
         Table::new(self.source, name, self.value.span().start, table, keys)
     }

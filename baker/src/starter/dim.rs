@@ -17,9 +17,9 @@ pub struct SwitchedOff {
 }
 
 /// Less light than this is off, in lumens from all of a material: a candle gives 12.
-pub const LEAST_LUMENS: f64 = 5.0;
+pub(super) const LEAST_LUMENS: f64 = 5.0;
 /// So is what is nowhere brighter than this, in kcd/m²: white paper under a ceiling lamp of a home.
-pub const LEAST_RADIANCE: f64 = 0.02;
+pub(super) const LEAST_RADIANCE: f64 = 0.02;
 
 /// A material of a model, and what it emits.
 #[derive(Default)]
@@ -34,7 +34,7 @@ struct Emitter {
 
 /// Per model, the materials that are better switched off, by name. A model is an object of the scene that
 /// `geometry` was loaded from, in its own unit of so many metres.
-pub fn switched_off(geometry: &Geometry, models: usize, metres: f64) -> Vec<Vec<SwitchedOff>> {
+pub(super) fn switched_off(geometry: &Geometry, models: usize, metres: f64) -> Vec<Vec<SwitchedOff>> {
     let mut emitters: BTreeMap<(usize, &str), Emitter> = BTreeMap::new();
     // Per model, the names by which a part applies to an emitter, each with the emitter's material.
     let mut parts = vec![BTreeSet::new(); models];

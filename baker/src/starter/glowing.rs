@@ -25,7 +25,7 @@ const WORDS: &[&str] = &[
 ];
 
 /// Whether one of the words of a name is a word for what shines. Words end at signs, digits and capitals.
-pub fn is_glowing(name: &str) -> bool {
+pub(super) fn is_glowing(name: &str) -> bool {
     words(name).iter().any(|word| {
         let is_known = |word: &str| WORDS.contains(&word);
         is_known(word) || word.strip_suffix('s').is_some_and(is_known)

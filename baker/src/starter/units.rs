@@ -12,14 +12,14 @@ pub struct Unit {
 }
 
 /// Metres first: glTF says so, and what fits two units alike is taken as metres.
-pub const UNITS: [Unit; 3] = [
+pub(super) const UNITS: [Unit; 3] = [
     Unit { name: "metres", metres: 1.0 },
     Unit { name: "centimetres", metres: 0.01 },
     Unit { name: "millimetres", metres: 0.001 },
 ];
 
 /// A unit by its name.
-pub fn parse(name: &str) -> Result<Unit, String> {
+pub(super) fn parse(name: &str) -> Result<Unit, String> {
     let names = UNITS.map(|unit| unit.name);
     UNITS.into_iter().find(|unit| unit.name == name).ok_or_else(|| format!("expected {}", names.join(", ")))
 }
@@ -39,7 +39,7 @@ const CONTRADICTION: f64 = 3.0;
 
 /// How large a model is, in its own unit.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Size {
+pub(super) struct Size {
     /// Its longest side.
     extent: f64,
     /// The median of its triangles' longest edges.
@@ -48,7 +48,7 @@ pub struct Size {
 
 impl Size {
     /// Of some triangles.
-    pub fn of(geometry: &Geometry, triangles: impl Iterator<Item = usize> + Clone) -> Self {
+    pub(super) fn of(geometry: &Geometry, triangles: impl Iterator<Item = usize> + Clone) -> Self {
         let corners = triangles.clone().flat_map(|triangle| geometry.corners(triangle));
         let extent = Bounds::of(corners).size().max_element();
         let mut edges: Vec<f64> = triangles.map(|triangle| geometry.longest_edge(triangle)).collect();
@@ -67,14 +67,14 @@ impl Size {
     }
 
     /// The unit in which the size of a model and of its triangles best fit a scene that people walk through.
-    pub fn unit(&self) -> Unit {
+    pub(super) fn unit(&self) -> Unit {
         let [metres, others @ ..] = UNITS;
         let best = others.into_iter().min_by(|a, b| self.misfit(a).total_cmp(&self.misfit(b)));
         best.filter(|unit| self.misfit(unit) < self.misfit(&metres) - MARGIN).unwrap_or(metres)
     }
 
     /// The unit of a model that cannot be in this one.
-    pub fn contradiction(&self, unit: &Unit) -> Option<Unit> {
+    pub(super) fn contradiction(&self, unit: &Unit) -> Option<Unit> {
         let own = UNITS.into_iter().min_by(|a, b| self.misfit(a).total_cmp(&self.misfit(b)))?;
         (self.misfit(&own) < self.misfit(unit) - CONTRADICTION).then_some(own)
     }

@@ -37,7 +37,7 @@ const MORE_LEVEL: f64 = 1.3;
 const ON_GROUND: f64 = 0.15;
 
 /// What can be told of some triangles of a model in this unit (metres); `program` wrote it.
-pub fn guess(
+pub(super) fn guess(
     geometry: &Geometry,
     triangles: impl Iterator<Item = usize> + Clone,
     metres: f64,
@@ -68,7 +68,7 @@ pub fn guess(
 }
 
 /// The program of [`PROGRAMS`] that a comment at the head of a file names.
-pub fn program(file: &Path) -> Option<&'static str> {
+pub(super) fn program(file: &Path) -> Option<&'static str> {
     let mut head = Vec::new();
     std::fs::File::open(file).ok()?.take(HEADER).read_to_end(&mut head).ok()?;
     let head = String::from_utf8_lossy(&head);
@@ -77,7 +77,7 @@ pub fn program(file: &Path) -> Option<&'static str> {
 }
 
 /// The turn that makes a Z of a model its Y, in degrees about X, Y and Z.
-pub const TURN: DVec3 = DVec3::new(-90.0, 0.0, 0.0);
+pub(super) const TURN: DVec3 = DVec3::new(-90.0, 0.0, 0.0);
 
 #[cfg(test)]
 mod tests {

@@ -8,7 +8,7 @@ use std::fmt::Write;
 
 /// The scene file for what was found; `name` where the file's own name cannot be the scene's, `files` are the
 /// models as the scene file names them.
-pub fn scene_file(found: &Found, name: Option<&str>, files: &[String]) -> String {
+pub(super) fn scene_file(found: &Found, name: Option<&str>, files: &[String]) -> String {
     let mut text = String::new();
     let mut line = |what: &str| {
         text.push_str(what);

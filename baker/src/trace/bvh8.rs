@@ -117,7 +117,7 @@ pub(super) struct Reach {
 impl Line {
     /// `None` where nothing can be hit: a direction that is zero, or a number that is not finite.
     #[inline]
-    pub fn new(origin: Vec3, direction: Vec3) -> Option<Self> {
+    pub(super) fn new(origin: Vec3, direction: Vec3) -> Option<Self> {
         let direction = Vec3::select(direction.abs().cmplt(Vec3::splat(TINY)), Vec3::ZERO, direction);
         if direction == Vec3::ZERO || !(origin + direction).is_finite() {
             return None;

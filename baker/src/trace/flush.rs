@@ -24,7 +24,7 @@ pub(super) struct FlushEmitters {
 
 impl FlushEmitters {
     /// Finds those that emit into one of the groups.
-    pub fn new(space: &Space, lights: &Lights) -> Self {
+    pub(super) fn new(space: &Space, lights: &Lights) -> Self {
         let geometry = space.geometry;
         let emits = |material: usize| {
             let radiance = lights.groups.iter().filter_map(|group| group.emission.get(material));
@@ -64,14 +64,14 @@ impl FlushEmitters {
 
     /// Whether an emissive triangle is flush with this one.
     #[inline]
-    pub fn is_covered(&self, triangle: u32) -> bool {
+    pub(super) fn is_covered(&self, triangle: u32) -> bool {
         self.covers.get(triangle as usize).copied().unwrap_or(false)
     }
 
     /// The triangle whose emission counts where a ray meets a covered one: the first, by index, of those
     /// there that emit towards the ray.
     #[cold]
-    pub fn owner(&self, space: &Space, origin: Vec3, direction: Vec3, hit: &Hit) -> Option<Hit> {
+    pub(super) fn owner(&self, space: &Space, origin: Vec3, direction: Vec3, hit: &Hit) -> Option<Hit> {
         let geometry = space.geometry;
         let point = origin + direction * hit.t;
         let corners = geometry.corners(hit.triangle as usize);

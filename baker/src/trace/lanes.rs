@@ -4,7 +4,7 @@
 //! give the same bits. `min` and `max` return the second operand where either is not a number, as x86 does.
 
 /// Eight single-precision lanes.
-pub trait Lanes: Copy {
+pub(super) trait Lanes: Copy {
     /// The same number in all lanes.
     fn splat(value: f32) -> Self;
     /// Lane by lane from memory.
@@ -29,7 +29,7 @@ pub trait Lanes: Copy {
 
 /// Lanes for any machine: the oracle of the others.
 #[derive(Clone, Copy, Debug)]
-pub struct Portable([f32; 8]);
+pub(super) struct Portable([f32; 8]);
 
 impl Portable {
     #[inline(always)]

@@ -75,7 +75,7 @@ impl Lanes for Avx {
 /// # Safety
 /// The processor must have AVX2, BMI1, BMI2 and LZCNT.
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-pub unsafe fn nearest_avx2(
+pub(super) unsafe fn nearest_avx2(
     bvh: &Bvh8,
     line: &Line,
     from: u32,
@@ -89,7 +89,7 @@ pub unsafe fn nearest_avx2(
 /// # Safety
 /// The processor must have AVX2, BMI1, BMI2 and LZCNT.
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-pub unsafe fn occluded_avx2(
+pub(super) unsafe fn occluded_avx2(
     bvh: &Bvh8,
     line: &Line,
     reach: Reach,
@@ -104,7 +104,7 @@ pub unsafe fn occluded_avx2(
 /// # Safety
 /// The processor must have AVX-512 F, VL and DQ and what AVX2's form needs.
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,bmi1,bmi2,lzcnt")]
-pub unsafe fn nearest_avx512(
+pub(super) unsafe fn nearest_avx512(
     bvh: &Bvh8,
     line: &Line,
     from: u32,
@@ -118,7 +118,7 @@ pub unsafe fn nearest_avx512(
 /// # Safety
 /// The processor must have AVX-512 F, VL and DQ and what AVX2's form needs.
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,bmi1,bmi2,lzcnt")]
-pub unsafe fn occluded_avx512(
+pub(super) unsafe fn occluded_avx512(
     bvh: &Bvh8,
     line: &Line,
     reach: Reach,

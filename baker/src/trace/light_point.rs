@@ -35,7 +35,7 @@ pub(super) struct LightPoint {
 impl LightPoint {
     /// The point at distance `t` along the unit `direction`.
     #[inline]
-    pub fn new(origin: Vec3, direction: Vec3, t: f32) -> Self {
+    pub(super) fn new(origin: Vec3, direction: Vec3, t: f32) -> Self {
         let point = origin.as_dvec3() + direction.as_dvec3() * f64::from(t);
         let size = point.abs().max(origin.as_dvec3().abs()).max_element();
         LightPoint { point, t, size }
@@ -43,13 +43,13 @@ impl LightPoint {
 
     /// From what distance along the ray surfaces may touch the light.
     #[inline]
-    pub fn ask_from(&self) -> f32 {
+    pub(super) fn ask_from(&self) -> f32 {
         self.t * (1.0 - NEAR_END)
     }
 
     /// Whether the point lies in the plane of a triangle that the ray meets near its end.
     #[cold]
-    pub fn touches(&self, geometry: &Geometry, triangle: u32) -> bool {
+    pub(super) fn touches(&self, geometry: &Geometry, triangle: u32) -> bool {
         let corners = geometry.corners(triangle as usize);
         is_in_plane(self.point, &corners, tolerance(geometry, self.size, &corners))
     }

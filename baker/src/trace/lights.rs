@@ -92,7 +92,7 @@ impl SunSample {
     }
 }
 
-/// The light of one group, in units of its scale (see [`crate::bake::plan`]).
+/// The light of one group, in units of its scale (see [`crate::bake::prepare::plan`]).
 pub struct GroupLight {
     /// Its lamps and emissive triangles.
     pub sampler: GroupSampler,

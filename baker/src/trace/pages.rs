@@ -2,7 +2,7 @@
 //! megabytes, read here and there, otherwise spends much of its time on finding pages of 4 KiB.
 
 /// Asks the system to hold memory that was not touched yet in pages of 2 MiB, which it may ignore.
-pub fn prefer_large<T>(fresh: &[T]) {
+pub(super) fn prefer_large<T>(fresh: &[T]) {
     #[cfg(target_os = "linux")]
     {
         const LARGE: usize = 1 << 21;
@@ -18,7 +18,7 @@ pub fn prefer_large<T>(fresh: &[T]) {
 }
 
 /// The same values, in such memory.
-pub fn in_large<T: Copy>(values: &[T]) -> Vec<T> {
+pub(super) fn in_large<T: Copy>(values: &[T]) -> Vec<T> {
     let mut held = Vec::with_capacity(values.len());
     prefer_large(held.spare_capacity_mut());
     held.extend_from_slice(values);

@@ -69,30 +69,30 @@ pub enum FirstHit {
 /// Dimensions of a sample, by vertex of its path: pairs and single numbers are counted apart.
 mod dimension {
     /// The point within the texel.
-    pub const POINT: u32 = 0;
+    pub(super) const POINT: u32 = 0;
     const PER_VERTEX: u32 = 4;
-    pub fn next_direction(vertex: u32) -> u32 {
+    pub(super) fn next_direction(vertex: u32) -> u32 {
         PER_VERTEX * vertex + 1
     }
-    pub fn sun(vertex: u32) -> u32 {
+    pub(super) fn sun(vertex: u32) -> u32 {
         PER_VERTEX * vertex + 2
     }
-    pub fn sky_sampler(vertex: u32) -> u32 {
+    pub(super) fn sky_sampler(vertex: u32) -> u32 {
         PER_VERTEX * vertex + 3
     }
-    pub fn roulette(vertex: u32) -> u32 {
+    pub(super) fn roulette(vertex: u32) -> u32 {
         PER_VERTEX * vertex + 4
     }
     /// Those of the panes along a segment, of which there may be many.
-    pub fn pane(vertex: u32, pane: u32) -> u32 {
+    pub(super) fn pane(vertex: u32, pane: u32) -> u32 {
         vertex.wrapping_mul(0x85eb_ca6b).wrapping_add(pane).wrapping_add(0x676c_6173)
     }
     /// Which groups are sampled.
-    pub fn selected(vertex: u32) -> u32 {
+    pub(super) fn selected(vertex: u32) -> u32 {
         0x6173_6b00 + vertex
     }
     /// Those of groups are spread by their key.
-    pub fn group(vertex: u32, key: u32) -> u32 {
+    pub(super) fn group(vertex: u32, key: u32) -> u32 {
         key.wrapping_add(vertex.wrapping_mul(0x9e37_79b9))
     }
 }

@@ -2,8 +2,8 @@
 
 use crate::scenes::Obj;
 use crate::{Stage, assert_same};
-use baker::bake::charts::{Charts, Counts};
 use baker::bake::run::{Options, prepare};
+use baker::bake::store::{Charts, Counts};
 use baker::light::schedule::parse_hours;
 use dataset::console::Console;
 use std::path::{Path, PathBuf};

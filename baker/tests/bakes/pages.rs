@@ -2,9 +2,9 @@
 
 use crate::scenes::Obj;
 use crate::{Stage, assert_same};
-use baker::bake::assemble::{Assembler, BakedParts, Stored};
+use baker::bake::errors::CellMap;
+use baker::bake::finish::{Assembler, BakedParts, Stored};
 use baker::bake::layers::Layers;
-use baker::bake::local_errors::CellMap;
 use baker::bake::run::{Denoise, Integrator, Options, prepare};
 use baker::light::schedule::parse_hours;
 use baker::scene::Baked;

@@ -1,11 +1,11 @@
 //! The sun's visibility along its course, rebuilt to light and compared with light that was traced.
 
 use crate::Stage;
-use baker::bake::block::Worker;
+use baker::bake::finish::{Page, VisibilityBaker};
 use baker::bake::layers::{Layers, Texel};
-use baker::bake::plan::Part;
+use baker::bake::prepare::Part;
 use baker::bake::run::{Options, Prepared, prepare};
-use baker::bake::visibility::{Page, VisibilityBaker};
+use baker::bake::samples::Worker;
 use baker::light::schedule::parse_hours;
 use baker::light::visibility_times::{VisibilityTimes, sun_path};
 use baker::surface::FaceBins;

@@ -112,7 +112,7 @@ impl Features {
 
 impl Known {
     /// Words of its part of the interval's buffer.
-    pub fn interval_words(&self) -> u32 {
+    pub(crate) fn interval_words(&self) -> u32 {
         self.sun.as_ref().map_or(0, |sun| sun.seen.words)
     }
 
@@ -120,7 +120,7 @@ impl Known {
     ///
     /// # Errors
     /// [`Error::Invalid`] if it was not.
-    pub fn check(&self, bundle: &Bundle) -> Result<()> {
+    pub(crate) fn check(&self, bundle: &Bundle) -> Result<()> {
         let header = &bundle.header;
         let entry = header.position(self.place).and_then(|position| bundle.index.get(position));
         let has_shape = |maps: &Maps| {

@@ -29,7 +29,7 @@ pub(crate) struct Picture {
 
 impl Data {
     /// Of what [`ndgi::Bundle::tile`] gave, which checked it.
-    pub fn maps(&mut self, mut params: TileParams, unpacks: bool) -> Result<Maps> {
+    pub(crate) fn maps(&mut self, mut params: TileParams, unpacks: bool) -> Result<Maps> {
         let mut blocks = std::mem::take(&mut params.f_uv);
         blocks.append(&mut params.f_uvt);
         self.picture = Picture::new(&survey::maps(&params.shape), &blocks, unpacks)?;
@@ -80,12 +80,12 @@ impl Picture {
     }
 
     /// Bytes on the device.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         self.bytes.len() as u64
     }
 
     /// Uploads a rectangle of it, whose corner and size are multiples of 4, before the next submission.
-    pub fn upload(
+    pub(crate) fn upload(
         &self,
         queue: &wgpu::Queue,
         texture: &wgpu::Texture,

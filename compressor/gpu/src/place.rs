@@ -71,7 +71,7 @@ pub(crate) struct Lattice {
 impl Lattice {
     /// For this many rectangles: as few layers as there can be, with sides of at most `most` if a rectangle's
     /// allow it, and about square.
-    pub fn new(size: [u32; 2], count: u32, most: u32) -> Self {
+    pub(crate) fn new(size: [u32; 2], count: u32, most: u32) -> Self {
         let size = size.map(|side| side.max(4));
         let [across, down] = size.map(|side| (most / side).max(1));
         let layers = count.div_ceil(across * down).max(1);
@@ -82,12 +82,12 @@ impl Lattice {
     }
 
     /// Width, height and number of the layers.
-    pub fn extent(&self) -> [u32; 3] {
+    pub(crate) fn extent(&self) -> [u32; 3] {
         [self.columns * self.size[0], self.rows * self.size[1], self.layers]
     }
 
     /// Where a rectangle lies.
-    pub fn spot(&self, i: u32) -> Spot {
+    pub(crate) fn spot(&self, i: u32) -> Spot {
         let (layer, i) = (i / (self.columns * self.rows), i % (self.columns * self.rows));
         [i % self.columns * self.size[0], i / self.columns * self.size[1], layer]
     }

@@ -92,7 +92,7 @@ pub(crate) struct Stage {
 }
 
 impl Stage {
-    pub fn new(
+    pub(crate) fn new(
         device: &wgpu::Device,
         options: Options,
         survey: &Survey,
@@ -124,14 +124,14 @@ impl Stage {
     }
 
     /// Compiles what tiles will need, so that no frame has to.
-    pub fn prepare(&self, output: Output) {
+    pub(crate) fn prepare(&self, output: Output) {
         for hidden in self.widths.iter().copied().chain([0]) {
             self.options.pipelines.of(&self.device, &self.shader(hidden, true, output));
         }
     }
 
     /// Records jobs: one dispatch for each shader that they need. Gives how many bytes are uploaded.
-    pub fn dispatch(
+    pub(crate) fn dispatch(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         jobs: impl IntoIterator<Item = Full>,
@@ -160,7 +160,7 @@ impl Stage {
     ///
     /// # Errors
     /// [`Error::Bundle`] for a place that the bundle does not have.
-    pub fn clear(
+    pub(crate) fn clear(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         bundle: &Bundle,

@@ -31,7 +31,7 @@ pub(crate) enum Held {
 impl Seen {
     /// Puts a tile's normals into its part of the resident buffer. `most`: bytes of its moving shadows in the
     /// interval that has most of them.
-    pub fn new(tile: &TileSun, most: usize, resident: &mut Vec<u32>) -> Self {
+    pub(crate) fn new(tile: &TileSun, most: usize, resident: &mut Vec<u32>) -> Self {
         let normals = normals_of(tile, resident);
         let (texels, channels) = (tile.width * tile.height, tile.channels());
         let blocks = if most > 0 { channels * blocks(tile) } else { 0 };
@@ -41,7 +41,7 @@ impl Seen {
 
     /// The tile's part of the interval's buffer, at most [`Seen::words`]. `tile` has the times of the
     /// interval alone.
-    pub fn part(&self, tile: &TileSun, times: [usize; 2]) -> (Held, Vec<u32>) {
+    pub(crate) fn part(&self, tile: &TileSun, times: [usize; 2]) -> (Held, Vec<u32>) {
         let (texels, channels) = (tile.width * tile.height, tile.channels());
         let mut out = Vec::with_capacity(self.words as usize);
         for channel in 0..channels {
@@ -90,7 +90,7 @@ impl Seen {
     }
 
     /// Fills in what a job says of the sun; gives whether anything is seen of it.
-    pub fn job(&self, site: &Site, held: Held, sun: &SunAt, job: &mut Job) -> bool {
+    pub(crate) fn job(&self, site: &Site, held: Held, sun: &SunAt, job: &mut Job) -> bool {
         if held == Held::Dark {
             return false;
         }

@@ -42,7 +42,7 @@ pub(crate) fn maps(shape: &Shape) -> Vec<[u32; 2]> {
 
 impl Survey {
     /// Of all tiles of bundles, in the order of their indices.
-    pub fn of<'a>(bundles: impl IntoIterator<Item = &'a Bundle>) -> Self {
+    pub(crate) fn of<'a>(bundles: impl IntoIterator<Item = &'a Bundle>) -> Self {
         let mut survey = Survey::default();
         for bundle in bundles {
             survey.shadows |= bundle.header.shadows;
@@ -61,14 +61,14 @@ impl Survey {
     }
 
     /// The largest width and height in texels of the tiles' maps, as [`shelves`] puts them together.
-    pub fn rectangle(&self) -> [u32; 2] {
+    pub(crate) fn rectangle(&self) -> [u32; 2] {
         let used = self.tiles.iter().map(|room| shelves(&room.maps).0);
         used.fold([0; 2], |most, used| [most[0].max(used[0]), most[1].max(used[1])])
     }
 
     /// Words that any `slots` of the tiles take together, each as `of` tells, and an eighth more for gaps
     /// between them; and what one takes at most.
-    pub fn words(&self, slots: usize, of: impl Fn(&Room) -> u32) -> [u64; 2] {
+    pub(crate) fn words(&self, slots: usize, of: impl Fn(&Room) -> u32) -> [u64; 2] {
         let mut words: Vec<u64> = self.tiles.iter().map(|room| of(room).into()).collect();
         words.sort_unstable_by_key(|words| std::cmp::Reverse(*words));
         let all: u64 = words.iter().take(slots).sum();

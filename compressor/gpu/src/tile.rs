@@ -45,7 +45,7 @@ pub(crate) struct Full {
 
 impl Full {
     /// Of what a job says of the sun alone; of a blank one: black.
-    pub fn without_network(job: Job) -> Self {
+    pub(crate) fn without_network(job: Job) -> Self {
         Full { job, bias: Vec::new(), hidden: 0, fits_half: true }
     }
 }
@@ -53,7 +53,7 @@ impl Full {
 impl Placed<'_> {
     /// The tile's job at a time, made of a blank one; `None` if it is black. `sun`: within the interval that
     /// is held.
-    pub fn job(
+    pub(crate) fn job(
         &self,
         timeline: &Timeline,
         point: &TimePoint,
@@ -91,7 +91,7 @@ fn pairs(texels: &[[u8; 2]]) -> impl Iterator<Item = u32> {
 
 impl Maps {
     /// Puts into its part of the resident buffer, still empty, what a tile has beside BC7 blocks.
-    pub fn new(mut params: TileParams, resident: &mut Vec<u32>) -> Self {
+    pub(crate) fn new(mut params: TileParams, resident: &mut Vec<u32>) -> Self {
         weights_of(&params, resident);
         let mut plane = |texels: &[[u8; 2]]| {
             let at = 2 * resident.len() as u32;
@@ -105,17 +105,17 @@ impl Maps {
     }
 
     /// The sizes of its maps.
-    pub fn shape(&self) -> &Shape {
+    pub(crate) fn shape(&self) -> &Shape {
         &self.params.shape
     }
 
     /// The last light group that has a gate.
-    pub fn last_gate(&self) -> Option<u16> {
+    pub(crate) fn last_gate(&self) -> Option<u16> {
         self.params.gates.last().copied()
     }
 
     /// Number of knots that it tells of.
-    pub fn knots(&self) -> usize {
+    pub(crate) fn knots(&self) -> usize {
         self.params.knots.len()
     }
 

@@ -18,7 +18,7 @@ pub(super) const CURVES: [Curve; 4] =
 
 impl Curve {
     /// The code value of light relative to its peak.
-    pub fn encode(self, x: f64) -> f64 {
+    pub(super) fn encode(self, x: f64) -> f64 {
         let x = x.clamp(0.0, 1.0);
         match self {
             Curve::Power(power) => x.powf(1.0 / power),
@@ -27,7 +27,7 @@ impl Curve {
     }
 
     /// The inverse of [`Curve::encode`].
-    pub fn decode(self, y: f64) -> f64 {
+    pub(super) fn decode(self, y: f64) -> f64 {
         let y = y.clamp(0.0, 1.0);
         match self {
             Curve::Power(power) => y.powf(power),
@@ -36,7 +36,7 @@ impl Curve {
     }
 
     /// What people call it.
-    pub fn name(self) -> String {
+    pub(super) fn name(self) -> String {
         match self {
             Curve::Power(1.0) => "linear".to_owned(),
             Curve::Power(power) => format!("power 1/{power}"),

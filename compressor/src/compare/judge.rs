@@ -30,13 +30,13 @@ pub(super) struct Judge<'a> {
 }
 
 impl<'a> Judge<'a> {
-    pub fn new(set: &'a TileSet, noise: Option<&'a Noise>, slow_metrics: SlowMetrics<'a>) -> Self {
+    pub(super) fn new(set: &'a TileSet, noise: Option<&'a Noise>, slow_metrics: SlowMetrics<'a>) -> Self {
         let shown = set.tiles.iter().map(most_contrast).collect();
         Judge { set, set_means: set_means(set), noise, slow_metrics, shown }
     }
 
     /// Compares what a method decodes with the light.
-    pub fn judge(&self, coded: &CodedTiles) -> Result<Judged> {
+    pub(super) fn judge(&self, coded: &CodedTiles) -> Result<Judged> {
         let tiles = &self.set.tiles;
         let samples: Vec<Vec<Sample>> = tiles
             .par_iter()

@@ -40,7 +40,7 @@ pub(super) struct Way<'a> {
 
 impl Way<'_> {
     /// One that has nothing of its own between frames.
-    pub fn new(coded: CodedTiles, note: String) -> Self {
+    pub(super) fn new(coded: CodedTiles, note: String) -> Self {
         Way { coded, note, at_hour: None }
     }
 }
@@ -170,7 +170,7 @@ pub(super) fn reweighted<S>(
 }
 
 impl<T> Coded<T> {
-    pub fn note(&self) -> String {
+    pub(super) fn note(&self) -> String {
         if self.curves.is_empty() { String::new() } else { tally(self.curves.iter().copied()) }
     }
 }

@@ -49,7 +49,7 @@ pub(super) struct Vectors {
 
 impl<'a> Transfer<'a> {
     /// Checks that a transfer is one, and of this dataset, before anything is compressed.
-    pub fn open(dataset: &'a Dataset, transfer: &'a Dataset, set: &TileSet) -> Result<Self> {
+    pub(super) fn open(dataset: &'a Dataset, transfer: &'a Dataset, set: &TileSet) -> Result<Self> {
         let wrong = |what: String| Error::invalid(transfer.root.display(), what);
         let scene = &dataset.config.scene;
         let Some(basis) = &transfer.config.transfer else {

@@ -13,7 +13,7 @@ mod page;
 #[cfg(test)]
 mod tests;
 
-pub use results::Rendered;
+pub(super) use results::Rendered;
 
 use super::method::Way;
 use super::table::{Comparison, Row, Shown as ShownTiles};
@@ -88,7 +88,7 @@ impl<'a> Stage<'a> {
     ///
     /// # Errors
     /// [`Error::Invalid`] without geometry, or where nothing in it has texels.
-    pub fn new(dataset: &'a Dataset, set: &'a TileSet, console: &dyn Observer) -> Result<Self> {
+    pub(super) fn new(dataset: &'a Dataset, set: &'a TileSet, console: &dyn Observer) -> Result<Self> {
         let views = View::each(dataset, PICTURE, CAMERAS)?;
         if views.is_empty() {
             let what = match &dataset.config.geometry {
@@ -135,7 +135,7 @@ impl<'a> Stage<'a> {
     }
 
     /// Renders a method if it is one of [`SHOWN`].
-    pub fn show(&mut self, row: &Row, way: &Way) -> Result<()> {
+    pub(super) fn show(&mut self, row: &Row, way: &Way) -> Result<()> {
         if !SHOWN.contains(&&*row.method) {
             return Ok(());
         }
@@ -151,7 +151,7 @@ impl<'a> Stage<'a> {
 
     /// The numbers and pictures of all that was shown, and tiles close up as `shown` has them, each at the
     /// frame `of_tiles`.
-    pub fn finish(
+    pub(super) fn finish(
         mut self,
         comparison: &Comparison,
         of_tiles: &[usize],

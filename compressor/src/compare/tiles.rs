@@ -54,22 +54,22 @@ pub(super) struct TileSet {
 
 impl Tile {
     /// Indices of the valid texels.
-    pub fn valid(&self) -> impl Iterator<Item = usize> + '_ {
+    pub(super) fn valid(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.mask.valid.len()).filter(|&i| self.mask.valid[i])
     }
 
     /// Texels that a method stores.
-    pub fn texels(&self) -> usize {
+    pub(super) fn texels(&self) -> usize {
         self.source.width * self.source.height
     }
 
     /// The whole tile.
-    pub fn rect(&self) -> Rect {
+    pub(super) fn rect(&self) -> Rect {
         Rect { x0: 0, y0: 0, x1: self.source.width, y1: self.source.height }
     }
 
     /// Of a source whose light is finite and not negative.
-    pub fn new(place: Place, index: usize, source: TileSource) -> Self {
+    pub(super) fn new(place: Place, index: usize, source: TileSource) -> Self {
         let (width, height) = (source.width, source.height);
         let valid = source.coverage.iter().map(|coverage| *coverage == Coverage::Valid).collect();
         let mask = Mask { width, height, valid };
@@ -87,12 +87,12 @@ impl Tile {
 
 impl TileSet {
     /// Values that bits are counted on: stored texels × frames.
-    pub fn values(&self) -> f64 {
+    pub(super) fn values(&self) -> f64 {
         self.tiles.iter().map(|tile| (tile.texels() * tile.source.frames.len()) as f64).sum()
     }
 
     /// Reads the tiles of a run: this many, drawn by the seed from all pages, or the first page's.
-    pub fn load(dataset: &Dataset, options: &Options) -> Result<Self> {
+    pub(super) fn load(dataset: &Dataset, options: &Options) -> Result<Self> {
         let masks = dataset.masks()?;
         // What a camera sees may lie on any page.
         let number = if options.render { Some(usize::MAX) } else { options.tiles };
@@ -169,7 +169,7 @@ impl Fill {
     }
 
     /// This many rings around valid texels.
-    pub fn near(mask: &Mask, most: usize) -> Self {
+    pub(super) fn near(mask: &Mask, most: usize) -> Self {
         let (width, height) = (mask.width, mask.height);
         let mut known = mask.valid.clone();
         let mut steps = Vec::new();
@@ -194,7 +194,7 @@ impl Fill {
         Fill { steps }
     }
 
-    pub fn apply(&self, set: &Texels) -> Texels {
+    pub(super) fn apply(&self, set: &Texels) -> Texels {
         let mut filled = set.clone();
         for (i, from) in &self.steps {
             let sum = |c: usize| from.iter().map(|&j| filled[j][c]).sum::<f32>();

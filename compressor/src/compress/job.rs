@@ -41,7 +41,7 @@ pub(super) struct Job<'a> {
 }
 
 impl<'a> Job<'a> {
-    pub fn new(dataset: &'a Dataset, options: &Options, console: &dyn Observer) -> Result<Self> {
+    pub(super) fn new(dataset: &'a Dataset, options: &Options, console: &dyn Observer) -> Result<Self> {
         if options.time_limit.is_some() && !matches!(options.rate, Rate::Usual | Rate::Profile(_)) {
             return Err(Error::unsupported(
                 "time_limit",
@@ -88,7 +88,7 @@ impl<'a> Job<'a> {
 
     /// Reads all training data once, so that a bad texel or a truncated file stops the run before any
     /// training.
-    pub fn check(&self, console: &dyn Observer) -> Result<()> {
+    pub(super) fn check(&self, console: &dyn Observer) -> Result<()> {
         check_texels(self.dataset, console)?;
         // (Curves, masks and what the sun's stream is made of are verified where they are read.)
         let mut seen = BTreeSet::new();
@@ -101,7 +101,7 @@ impl<'a> Job<'a> {
 
     /// Reads the training data of some tiles once, so that a bad texel or a truncated file stops the run
     /// before any training: only their rows, not whole files.
-    pub fn check_bands(&self, places: &[Place], console: &dyn Observer) -> Result<()> {
+    pub(super) fn check_bands(&self, places: &[Place], console: &dyn Observer) -> Result<()> {
         let bands: BTreeSet<(usize, usize)> = places.iter().map(|place| (place.page, place.row)).collect();
         let progress = console.progress("checking", bands.len() as u64);
         for (page, row) in bands {
@@ -114,7 +114,7 @@ impl<'a> Job<'a> {
 
     /// For a merge: an error unless shards have finished what comes next. Nothing is written, and shards go
     /// on meanwhile.
-    pub fn expect_shards(&self) -> Result<()> {
+    pub(super) fn expect_shards(&self) -> Result<()> {
         let folder = beside(&self.out, ".part");
         if !folder.is_dir() {
             let lit = lit(&header(self, Vec::new()), &self.masks);
@@ -130,13 +130,13 @@ impl<'a> Job<'a> {
     }
 
     /// The times between frames at which means are stored: [`Law::hours`].
-    pub fn hours(&self) -> Result<Vec<f64>> {
+    pub(super) fn hours(&self) -> Result<Vec<f64>> {
         self.law.hours(self.dataset, &self.masks, &timeline(self.dataset))
     }
 
     /// The times between frames ([`Job::hours`]) as kept in the work folder, or computed if they are not
     /// there. They depend on the light of all pages; so only the first of many shards reads all pages.
-    pub fn hours_of_shards(&self, part: &Part) -> Result<Vec<f64>> {
+    pub(super) fn hours_of_shards(&self, part: &Part) -> Result<Vec<f64>> {
         match part.read::<Vec<f64>>(&self.hours_key()) {
             Some(kept) if self.law.has_curves() => Ok(kept.result),
             _ => self.hours(),
@@ -144,7 +144,7 @@ impl<'a> Job<'a> {
     }
 
     /// The times between frames ([`Job::hours_of_shards`]); keeps them in the work folder.
-    pub fn keep_hours(&self, part: &Part) -> Result<Vec<f64>> {
+    pub(super) fn keep_hours(&self, part: &Part) -> Result<Vec<f64>> {
         let between = self.hours_of_shards(part)?;
         if self.law.has_curves() && part.read::<Vec<f64>>(&self.hours_key()).is_none() {
             part.write(&self.hours_key(), &Payload::default(), &between, None)?;
@@ -154,7 +154,7 @@ impl<'a> Job<'a> {
 
     /// Once checksums are verified: corrects the kept times between frames, with an error, if they were
     /// computed from other light.
-    pub fn expect_hours(&self, part: &Part, header: &Header) -> Result<()> {
+    pub(super) fn expect_hours(&self, part: &Part, header: &Header) -> Result<()> {
         let between = self.hours()?;
         if between == header.timeline.between {
             return Ok(());
@@ -165,12 +165,12 @@ impl<'a> Job<'a> {
         Err(Error::unready(part.folder().display(), what))
     }
 
-    pub fn hours_key(&self) -> String {
+    pub(super) fn hours_key(&self) -> String {
         digest(&json!(["hours", program(), self.trained_on, self.law.is_apart]))
     }
 
     /// The bundle's header with the sun's stream; `between`: [`Law::hours`].
-    pub fn header_with_sun(&self, between: Vec<f64>, console: &dyn Observer) -> Result<Header> {
+    pub(super) fn header_with_sun(&self, between: Vec<f64>, console: &dyn Observer) -> Result<Header> {
         let sun = self.sunlight.as_ref().map(|sunlight| sunlight.coded(&self.masks, console)).transpose()?;
         if self.options.still_shadows && sun.is_none() {
             console.warn(format!(
@@ -184,7 +184,11 @@ impl<'a> Job<'a> {
 
     /// The existing bundle if it is up to date, with the tiles of it that are damaged; an error if it must
     /// not be replaced.
-    pub fn existing(&self, header: &Header, console: &dyn Observer) -> Result<Option<(Outcome, Vec<Place>)>> {
+    pub(super) fn existing(
+        &self,
+        header: &Header,
+        console: &dyn Observer,
+    ) -> Result<Option<(Outcome, Vec<Place>)>> {
         if self.options.force {
             return Ok(None);
         }
@@ -204,7 +208,7 @@ impl<'a> Job<'a> {
     }
 
     /// The work on tiles, without the sun's stream and without a deadline.
-    pub fn tiles<'b>(&'b self, header: &'b Header, part: &'b Part) -> Tiles<'b> {
+    pub(super) fn tiles<'b>(&'b self, header: &'b Header, part: &'b Part) -> Tiles<'b> {
         Tiles {
             bytes_of_sun: 0,
             dataset: self.dataset,

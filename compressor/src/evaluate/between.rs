@@ -41,7 +41,7 @@ pub struct Between {
 /// # Errors
 /// [`Error::Invalid`] where a withheld bake is of another scene or has other pages; [`Error::Io`];
 /// [`Error::Interrupted`].
-pub fn between(
+pub(super) fn between(
     dataset: &Dataset,
     withheld: Option<&Dataset>,
     decoder: &Decoder,

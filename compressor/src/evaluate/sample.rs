@@ -65,7 +65,7 @@ pub(crate) struct Strip<'a> {
 impl Strip<'_> {
     /// Its tiles that have a valid texel, row by row; their [`Sample::relative_error`], which takes the
     /// frame's mean, is 0.
-    pub fn samples(&self) -> Result<Vec<Sample>> {
+    pub(crate) fn samples(&self) -> Result<Vec<Sample>> {
         let rects = tiles(self.mask.width, self.mask.height, TILE);
         let before = self.row / TILE * self.mask.width.div_ceil(TILE);
         let noise = |i: usize| self.noise.map(|tiles| tiles[before + i]);
@@ -75,7 +75,7 @@ impl Strip<'_> {
     }
 
     /// One of its tiles, likewise; `noise` is its sampling error.
-    pub fn sample(&self, rect: Rect, noise: Option<f64>) -> Result<Sample> {
+    pub(crate) fn sample(&self, rect: Rect, noise: Option<f64>) -> Result<Sample> {
         let Strip { decoded, reference, mask, .. } = self;
         let quality = metrics::compare(decoded, reference, mask, rect);
         let lpips = |lpips: &Lpips| lpips.distance(decoded, reference, mask, rect, &quality).transpose();
@@ -100,7 +100,7 @@ impl Strip<'_> {
 
     /// Its tiles of `side`² texels, a divisor of its height or more than that, that have a structure to
     /// compare.
-    pub fn qualities(&self, side: usize) -> Vec<TileQuality> {
+    pub(crate) fn qualities(&self, side: usize) -> Vec<TileQuality> {
         let rects = tiles(self.mask.width, self.mask.height, side);
         let judge = |&rect: &Rect| metrics::compare(self.decoded, self.reference, self.mask, rect);
         rects.par_iter().map(judge).filter(|quality| quality.ssim.is_some()).collect()

@@ -14,7 +14,7 @@ struct Mean {
 
 /// Errors of steps between valid neighbours to the right and below.
 #[derive(Debug, Default)]
-pub struct Seams {
+pub(super) struct Seams {
     across: Mean,
     inside: Mean,
 }
@@ -22,7 +22,14 @@ pub struct Seams {
 impl Seams {
     /// Adds the rows `rows` of a page, given with the one below them where there is one. Errors count in
     /// units of the page's `mean`, so that nights count as days; a black page does not count.
-    pub fn add(&mut self, decoded: &Image, reference: &Image, mask: &Mask, rows: &Range<usize>, mean: f64) {
+    pub(super) fn add(
+        &mut self,
+        decoded: &Image,
+        reference: &Image,
+        mask: &Mask,
+        rows: &Range<usize>,
+        mean: f64,
+    ) {
         if mean == 0.0 {
             return;
         }
@@ -49,7 +56,7 @@ impl Seams {
     }
 
     /// Mean error across borders over that inside; `None` without borders, or where nothing is wrong inside.
-    pub fn ratio(&self) -> Option<f64> {
+    pub(super) fn ratio(&self) -> Option<f64> {
         let defined = self.across.count > 0.0 && self.inside.sum > 0.0;
         defined.then(|| self.across.sum / self.across.count / (self.inside.sum / self.inside.count))
     }

@@ -22,7 +22,7 @@ const FLOOR: f32 = 1e-5;
 
 /// The bases of all matrices of a decoder network.
 #[derive(Clone, Debug)]
-pub struct Bases {
+pub(super) struct Bases {
     matrices: Vec<Sides>,
     steps: u32,
 }
@@ -48,7 +48,7 @@ struct Basis {
 
 impl Bases {
     /// The axes, before the first step.
-    pub fn new(shape: &Shape) -> Self {
+    pub(super) fn new(shape: &Shape) -> Self {
         let (inputs, hidden) = (shape.inputs(), shape.hidden);
         let mut next = 0;
         let mut matrix = |rows: usize, columns: usize| {
@@ -66,12 +66,12 @@ impl Bases {
     /// Updates the bases with a step's gradient, and rotates it and Adam's first moment into them. The
     /// second, a square, has no meaning in other axes; the bases rotate slowly, and it is forgotten within
     /// some twenty steps (SOAP keeps it likewise).
-    pub fn rotate(&mut self, tier: Tier, gradient: &mut [f32], mean: &mut [f32]) {
+    pub(super) fn rotate(&mut self, tier: Tier, gradient: &mut [f32], mean: &mut [f32]) {
         run(tier, Rotate { bases: self, gradient, mean });
     }
 
     /// Rotates a step out of the bases.
-    pub fn rotate_back(&self, tier: Tier, step: &mut [f32]) {
+    pub(super) fn rotate_back(&self, tier: Tier, step: &mut [f32]) {
         run(tier, RotateBack { bases: self, step });
     }
 }

@@ -21,11 +21,11 @@ type Texels = [f32; 16];
 const ROUNDS: usize = 6;
 
 /// A mode, and endpoints initially.
-pub type Start = (Mode, [Quad; 2]);
+pub(super) type Start = (Mode, [Quad; 2]);
 
 /// What a block is to come near to.
 #[derive(Clone, Copy, Debug)]
-pub struct Wanted {
+pub(super) struct Wanted {
     /// f_q
     texels: [Quad; 16],
     /// M_q
@@ -37,7 +37,7 @@ pub struct Wanted {
 }
 
 /// The texels of a block.
-pub fn values(block: &Block) -> [Quad; 16] {
+pub(super) fn values(block: &Block) -> [Quad; 16] {
     block.texels().map(|t| t.map(f32::from))
 }
 
@@ -55,7 +55,7 @@ fn channel(block: &Block, c: usize) -> Texels {
 impl Wanted {
     /// Texels f_q and their metrics M_q.
     #[inline(always)]
-    pub fn new(texels: &[Quad; 16], metric: &[Matrix; 16]) -> Self {
+    pub(super) fn new(texels: &[Quad; 16], metric: &[Matrix; 16]) -> Self {
         let mut wanted = Wanted {
             texels: *texels,
             metric: *metric,
@@ -146,7 +146,7 @@ impl Wanted {
     /// squares, then the best of the ways to round, then single steps of the endpoints. The best block, and
     /// its cost.
     #[inline(always)]
-    pub fn fit<V: Lanes>(&self, starts: &[Start]) -> (Block, f32) {
+    pub(super) fn fit<V: Lanes>(&self, starts: &[Start]) -> (Block, f32) {
         let (mut best, mut least) = (GREY, f32::INFINITY);
         for &(mode, start) in starts {
             let (endpoints, _) = self.approach::<V>(mode, start, ROUNDS);
@@ -167,7 +167,7 @@ impl Wanted {
 
     /// Where to begin in mode 4: of its eight forms the two that look best after two rounds.
     #[inline(always)]
-    pub fn fours<V: Lanes>(&self) -> [Start; 2] {
+    pub(super) fn fours<V: Lanes>(&self) -> [Start; 2] {
         let mut trial_fits = [(0.0, (Mode::Six, [[0.0; 4]; 2])); 8];
         for i in 0..8 {
             // The forms of one channel follow each other.
@@ -260,13 +260,13 @@ fn total(costs: &Texels) -> f32 {
 
 /// The weights of the four channels at an index.
 #[inline(always)]
-pub fn weights(mode: Mode, index: u8) -> Quad {
+pub(super) fn weights(mode: Mode, index: u8) -> Quad {
     mode.weights(index).map(|w| f32::from(w) / 64.0)
 }
 
 /// The endpoints rounded: in mode 6 under each pair of p-bits.
 #[inline(always)]
-pub fn rounded(mode: Mode, endpoints: &[Quad; 2]) -> impl Iterator<Item = [[u8; 4]; 2]> {
+pub(super) fn rounded(mode: Mode, endpoints: &[Quad; 2]) -> impl Iterator<Item = [[u8; 4]; 2]> {
     let level = move |value: f32, c: usize| {
         let bits = mode.bits(c);
         let most = ((1u32 << bits) - 1) as f32;
@@ -299,7 +299,7 @@ fn next(mode: Mode, channel: usize, value: u8, down: bool) -> Option<u8> {
 
 /// The ends of the principal axis of a block's texels.
 #[inline(always)]
-pub fn principal(texels: &[Quad; 16]) -> [Quad; 2] {
+pub(super) fn principal(texels: &[Quad; 16]) -> [Quad; 2] {
     let mut mean = [0.0; 4];
     for q in 0..16 {
         mean = Quad::splat(1.0 / 16.0).mul_add(texels[q], mean);

@@ -16,7 +16,7 @@ use crate::lanes::{Lanes, Longest, Quad};
 
 /// √w J with respect to F_uvt's four features, in 8-bit steps, and √w r, of one sample.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Sample {
+pub(super) struct Sample {
     /// √w ∂y_c/∂f of the three channels c.
     pub jacobian: [Quad; 3],
     /// √w r
@@ -24,7 +24,7 @@ pub struct Sample {
 }
 
 /// One pass over all blocks of F_uvt.
-pub struct Descent<'a> {
+pub(super) struct Descent<'a> {
     pub problem: &'a Problem,
     /// Every this many frames are looked at.
     pub stride: usize,

@@ -10,17 +10,17 @@ use crate::model::Shape;
 use std::ops::Range;
 
 /// Slope of c(f).
-pub const CENTRE_SLOPE: f32 = 3.0;
+pub(super) const CENTRE_SLOPE: f32 = 3.0;
 
 /// c(f)
 #[inline(always)]
-pub fn centred(f: f32) -> f32 {
+pub(super) fn centred(f: f32) -> f32 {
     CENTRE_SLOPE * (f - 0.5)
 }
 
 /// Where the parameters lie in their flat vector; features first, in [0, 1], then the decoder network.
 #[derive(Clone, Debug)]
-pub struct Layout {
+pub(crate) struct Layout {
     /// e₀, e₁ of each block of F_uv, 8 values a block; texel by texel 64 values, and no weights.
     pub uv_endpoints: Range<usize>,
     /// 16 weights a block.
@@ -38,7 +38,7 @@ pub struct Layout {
 }
 
 impl Layout {
-    pub fn new(shape: &Shape, texel_by_texel: bool) -> Self {
+    pub(crate) fn new(shape: &Shape, texel_by_texel: bool) -> Self {
         let mut end = 0;
         let mut next = |n: usize| {
             end += n;
@@ -59,7 +59,7 @@ impl Layout {
 
     /// Parameters before training: features near the middle with a small spread, network weights of variance
     /// 1/fan-in.
-    pub fn initial(&self, shape: &Shape, random: &mut Random) -> Vec<f32> {
+    pub(crate) fn initial(&self, shape: &Shape, random: &mut Random) -> Vec<f32> {
         let mut p = vec![0.0; self.network.end];
         let blocks = !self.uv_weights.is_empty() || !self.uvt_weights.is_empty();
         for endpoints in [&self.uv_endpoints, &self.uvt_endpoints] {
@@ -91,25 +91,25 @@ impl Layout {
 }
 
 /// The first texels of the blocks of maps of this many texels across, row by row; with 4, block by block.
-pub fn corners(across: usize) -> impl Iterator<Item = usize> {
+pub(super) fn corners(across: usize) -> impl Iterator<Item = usize> {
     let across = across.max(4);
     (0..).step_by(4 * across).flat_map(move |row| (row..row + across).step_by(4))
 }
 
 /// The 16 values of each block of a map.
-pub fn in_blocks<T: Copy>(map: &[T], across: usize) -> Vec<[T; 16]> {
+pub(super) fn in_blocks<T: Copy>(map: &[T], across: usize) -> Vec<[T; 16]> {
     let block = |corner| std::array::from_fn(|i| map[corner + i / 4 * across + i % 4]);
     corners(across).take(map.len() / 16).map(block).collect()
 }
 
 /// Two texels that lie side by side.
 #[inline(always)]
-pub fn two(map: &[Quad], at: usize) -> &[f32] {
+pub(super) fn two(map: &[Quad], at: usize) -> &[f32] {
     map[at..at + 2].as_flattened()
 }
 
 /// The same, to write.
 #[inline(always)]
-pub fn two_mut(map: &mut [Quad], at: usize) -> &mut [f32] {
+pub(super) fn two_mut(map: &mut [Quad], at: usize) -> &mut [f32] {
     map[at..at + 2].as_flattened_mut()
 }

@@ -17,7 +17,7 @@ const FREE: f32 = 10.0;
 
 /// Of changes δ_q of the block's texels the loss changes by Σ_pq δ_pᵀ G_pq δ_q + 2 Σ_q g_qᵀ δ_q.
 #[derive(Clone, Debug)]
-pub struct Form {
+pub(super) struct Form {
     /// G_pq
     pub matrix: [[Matrix; 16]; 16],
     /// g_q
@@ -36,7 +36,7 @@ struct State {
 
 impl Form {
     /// Of no sample.
-    pub const NONE: Form = Form { matrix: [[[[0.0; 4]; 4]; 16]; 16], slope: [[0.0; 4]; 16] };
+    pub(super) const NONE: Form = Form { matrix: [[[[0.0; 4]; 4]; 16]; 16], slope: [[0.0; 4]; 16] };
 
     /// Where a block's texels are.
     #[inline(always)]
@@ -46,7 +46,7 @@ impl Form {
 
     /// The block moved so that the loss is less, or as it is.
     #[inline(always)]
-    pub fn improve<V: Lanes>(&self, block: &Block, damping: f32) -> Block {
+    pub(super) fn improve<V: Lanes>(&self, block: &Block, damping: f32) -> Block {
         let mut block = *block;
         let mut place = self.start(&block);
         self.choose_indices(&mut block, &mut place);

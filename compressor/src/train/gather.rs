@@ -14,7 +14,7 @@ use crate::model::STORED;
 
 /// A chunk of samples, of one time point.
 #[derive(Clone, Copy, Debug)]
-pub struct Samples<'a> {
+pub(crate) struct Samples<'a> {
     /// Index into the problem's time points.
     pub point: usize,
     /// At most [`CHUNK`] texels. Rows of the others are left as they are.
@@ -23,7 +23,7 @@ pub struct Samples<'a> {
 
 /// F_uv as samples read it.
 #[derive(Clone, Copy, Debug)]
-pub enum Uv<'a> {
+pub(crate) enum Uv<'a> {
     /// Learned: endpoints and weights of its blocks.
     Blocks {
         /// e₀, e₁ of each block.
@@ -52,7 +52,7 @@ impl Uv<'_> {
 
 /// The features of a tile as samples read them.
 #[derive(Clone, Copy, Debug)]
-pub struct Features<'a> {
+pub(crate) struct Features<'a> {
     /// F_uv.
     pub uv: Uv<'a>,
     /// F_uvt, centred, slice by slice, row by row.
@@ -65,7 +65,7 @@ pub struct Features<'a> {
 
 /// Where the gradient with respect to the features is added.
 #[derive(Debug)]
-pub struct FeatureGradient<'a> {
+pub(crate) struct FeatureGradient<'a> {
     /// With respect to the learned F_uv: of endpoints and weights of blocks, or of texels one by one, without
     /// weights.
     pub uv: [&'a mut [f32]; 2],
@@ -79,7 +79,7 @@ pub struct FeatureGradient<'a> {
 
 impl<'a> FeatureGradient<'a> {
     /// In the order of the parameters, but for F_uvt.
-    pub fn new(flat: &'a mut [f32], layout: &Layout, uvt: &'a mut [Quad]) -> Self {
+    pub(crate) fn new(flat: &'a mut [f32], layout: &Layout, uvt: &'a mut [Quad]) -> Self {
         let (features, _) = flat.split_at_mut(layout.network.start);
         let (features, vt) = features.split_at_mut(layout.vt.start);
         let (features, ut) = features.split_at_mut(layout.ut.start);
@@ -122,7 +122,7 @@ fn mix<V: Longest>(a: &[f32], b: &[f32], f: f32) -> V::Eight {
 /// The features of a chunk of samples (paper, fig. 2): V_uvt, V_uv, V_ut, V_vt, of those that the tile has;
 /// the rest stays. `meanwhile` is called with each texel on the way.
 #[inline(always)]
-pub fn gather<V: Longest>(
+pub(super) fn gather<V: Longest>(
     features: &Features,
     problem: &Problem,
     samples: &Samples,
@@ -163,7 +163,7 @@ pub fn gather<V: Longest>(
 
 /// The way back of [`gather`]: of the planes alone, or of all maps.
 #[inline(always)]
-pub fn scatter<V: Longest>(
+pub(super) fn scatter<V: Longest>(
     features: &Features,
     problem: &Problem,
     samples: &Samples,

@@ -10,10 +10,10 @@ use crate::lanes::{Instructions, Lanes, Longest, Quad, Tier, TwoQuads, prefetch}
 use crate::model::{FEATURES, Shape};
 
 /// Largest loss weight of a sample's channel, before that of its texel.
-pub const WEIGHT_CAP: f32 = 20.0;
+pub(crate) const WEIGHT_CAP: f32 = 20.0;
 
 /// A loop that is generic over the instruction set.
-pub trait Kernel {
+pub(crate) trait Kernel {
     /// What it computes.
     type Output;
     /// Must be `#[inline(always)]`, so that it is compiled with the caller's instruction set.
@@ -21,7 +21,7 @@ pub trait Kernel {
 }
 
 /// Runs a kernel with an instruction set.
-pub fn run<K: Kernel>(tier: Tier, kernel: K) -> K::Output {
+pub(crate) fn run<K: Kernel>(tier: Tier, kernel: K) -> K::Output {
     match tier.instructions() {
         Instructions::Portable => kernel.run::<Quad>(),
         // SAFETY: only `Tier::available` makes this tier, after asking the processor.
@@ -47,7 +47,7 @@ fn run_avx512<K: Kernel>(kernel: K) -> K::Output {
 
 /// Which parameters a training step moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Scope {
+pub(crate) enum Scope {
     /// Everything.
     All,
     /// F_ut, F_vt and the decoder network.
@@ -59,7 +59,7 @@ pub enum Scope {
 /// Uniform noise of ±½/256 of a feature (centred), in rows of one sample's features, of those that the tile
 /// has.
 #[derive(Clone, Debug)]
-pub struct Noise {
+pub(crate) struct Noise {
     rows: Vec<[f32; FEATURE_ROW]>,
 }
 
@@ -67,7 +67,7 @@ impl Noise {
     const ROWS: usize = 1024;
 
     /// A table to take runs of rows from.
-    pub fn new(shape: &Shape, random: &mut super::random::Random) -> Self {
+    pub(crate) fn new(shape: &Shape, random: &mut super::random::Random) -> Self {
         let half = 0.5 / 256.0 * CENTRE_SLOPE;
         let [uvt, uv, ut, vt, ..] = shape.columns().map(|columns| !columns.is_empty());
         let there: [bool; FEATURES] = [uvt, uvt, uvt, uvt, uv, uv, uv, uv, ut, ut, vt, vt];
@@ -89,7 +89,7 @@ impl Noise {
 
 /// Loss and gradient of a batch. The loss is Σ w (y − target)², the gradient that of half of it times
 /// `scale`.
-pub struct Batch<'a, const H: usize> {
+pub(crate) struct Batch<'a, const H: usize> {
     pub problem: &'a Problem,
     pub features: Features<'a>,
     pub network: &'a Network<H>,
@@ -151,7 +151,7 @@ impl<const H: usize> Kernel for Batch<'_, H> {
 /// Residual and weight of the three channels (fourth lane: weight 0). A negative y is as good as 0 where 0 is
 /// requested; the residual of a y that is not a number stays not a number.
 #[inline(always)]
-pub fn residual(y: Quad, target: Quad, base: &Quad, slope: &Quad) -> (Quad, Quad) {
+pub(crate) fn residual(y: Quad, target: Quad, base: &Quad, slope: &Quad) -> (Quad, Quad) {
     // r = y − target, or max(y, 0) for a target of 0: the floor is 0 there and −∞, nearly, elsewhere (targets
     // are never negative).
     let floor = target.mul(Quad::splat(-f32::MAX)).min(Quad::splat(0.0));
@@ -162,7 +162,7 @@ pub fn residual(y: Quad, target: Quad, base: &Quad, slope: &Quad) -> (Quad, Quad
 }
 
 /// Squared error in linear light, summed over texels and channels, per time point, of the given texels.
-pub struct SquaredErrors<'a, const H: usize> {
+pub(crate) struct SquaredErrors<'a, const H: usize> {
     pub problem: &'a Problem,
     pub features: Features<'a>,
     pub network: &'a Network<H>,
@@ -205,7 +205,7 @@ impl<const H: usize> Kernel for SquaredErrors<'_, H> {
 }
 
 /// The loss Σ w r² over each 4×4 block of F_uv, texels by their weight in blocks.
-pub struct BlockLosses<'a, const H: usize> {
+pub(crate) struct BlockLosses<'a, const H: usize> {
     pub problem: &'a Problem,
     pub features: Features<'a>,
     pub network: &'a Network<H>,
@@ -239,7 +239,7 @@ impl<const H: usize> Kernel for BlockLosses<'_, H> {
 
 /// y and its derivatives with respect to the features for one chunk.
 #[derive(Debug)]
-pub struct Linearised {
+pub(crate) struct Linearised {
     /// Three channels and a zero.
     pub y: Rows<4>,
     /// ∂y_c/∂x
@@ -247,7 +247,7 @@ pub struct Linearised {
 }
 
 /// Linearises the decoder network on chunks of samples and hands each to a function.
-pub struct Linearise<'a, const H: usize, F> {
+pub(crate) struct Linearise<'a, const H: usize, F> {
     pub problem: &'a Problem,
     pub features: Features<'a>,
     pub network: &'a Network<H>,
@@ -274,7 +274,7 @@ impl<const H: usize, F: FnMut(&Samples, &Linearised)> Kernel for Linearise<'_, H
 }
 
 /// Makes a centred map of its endpoints and weights.
-pub struct InterpolateBlocks<'a> {
+pub(crate) struct InterpolateBlocks<'a> {
     pub endpoints: &'a [f32],
     pub weights: &'a [f32],
     /// Texels of a row; 4 block by block.
@@ -315,7 +315,7 @@ impl Kernel for InterpolateBlocks<'_> {
 }
 
 /// Brings the gradient from a centred map to its endpoints and weights, and zeroes the former.
-pub struct BackpropagateBlocks<'a> {
+pub(crate) struct BackpropagateBlocks<'a> {
     pub endpoints: &'a [f32],
     pub weights: &'a [f32],
     /// Texels of a row; 4 block by block.
@@ -387,7 +387,7 @@ fn inverse_root(x: f32) -> f32 {
 }
 
 /// One step of Adam (Kingma and Ba 2014, algorithm 1, ε = 10⁻⁸ inside the root) on a range of parameters.
-pub struct Adam<'a> {
+pub(crate) struct Adam<'a> {
     /// θ
     pub params: &'a mut [f32],
     /// g, zeroed on the way.

@@ -8,7 +8,7 @@ use crate::time::{Axis, Coding};
 
 /// A frame's channel is divided by at least this share of its largest texel, so that no ratio to the mean
 /// exceeds 1 / share.
-pub const LEAST_MEAN_OF_PEAK: f64 = 0.01;
+pub(super) const LEAST_MEAN_OF_PEAK: f64 = 0.01;
 /// A channel is divided by at least this share of the frame's strongest channel.
 const LEAST_MEAN_OF_CHANNELS: f64 = 0.003;
 /// Frames share a place on the time axis where their outputs (about 1 in the mean) differ by at most this
@@ -20,7 +20,7 @@ const ALIKE_ANYWHERE: f64 = 0.01;
 
 /// The light of a tile, surveyed.
 #[derive(Clone, Debug)]
-pub struct Light {
+pub(crate) struct Light {
     pub valid: Vec<usize>,
     pub gutter: Vec<usize>,
     /// Per frame: what each channel is divided by, zero where black.
@@ -41,7 +41,7 @@ pub struct Light {
 
 impl Light {
     /// Surveys a tile.
-    pub fn new(source: &TileSource, coding: Coding) -> Self {
+    pub(crate) fn new(source: &TileSource, coding: Coding) -> Self {
         let of = |coverage| (0..source.coverage.len()).filter(move |&i| source.coverage[i] == coverage);
         let valid: Vec<usize> = of(Coverage::Valid).collect();
         let (means, peaks): (Vec<[f32; 3]>, Vec<_>) =
@@ -84,7 +84,7 @@ impl Light {
     }
 
     /// Frames that are not black.
-    pub fn lit(&self) -> usize {
+    pub(crate) fn lit(&self) -> usize {
         self.peaks.iter().filter(|peak| **peak > 0.0).count()
     }
 }

@@ -8,11 +8,11 @@
 use crate::lanes::{Lanes, Quad};
 
 /// A symmetric 4×4 matrix.
-pub type Matrix = [Quad; 4];
+pub(super) type Matrix = [Quad; 4];
 
 /// M v
 #[inline(always)]
-pub fn times(m: &Matrix, v: Quad) -> Quad {
+pub(super) fn times(m: &Matrix, v: Quad) -> Quad {
     let mut sum = [0.0; 4];
     for c in 0..4 {
         sum = Quad::splat(v[c]).mul_add(m[c], sum);
@@ -22,14 +22,14 @@ pub fn times(m: &Matrix, v: Quad) -> Quad {
 
 /// a · b
 #[inline(always)]
-pub fn dot(a: Quad, b: Quad) -> f32 {
+pub(super) fn dot(a: Quad, b: Quad) -> f32 {
     let p = a.mul(b);
     (p[0] + p[1]) + (p[2] + p[3])
 }
 
 /// M += s a aᵀ
 #[inline(always)]
-pub fn add_outer(m: &mut Matrix, s: f32, a: Quad) {
+pub(super) fn add_outer(m: &mut Matrix, s: f32, a: Quad) {
     for c in 0..4 {
         m[c] = Quad::splat(s * a[c]).mul_add(a, m[c]);
     }
@@ -37,7 +37,7 @@ pub fn add_outer(m: &mut Matrix, s: f32, a: Quad) {
 
 /// M⁻¹ v of a positive definite matrix, by elimination.
 #[inline(always)]
-pub fn solve(m: &Matrix, v: &Quad) -> Quad {
+pub(super) fn solve(m: &Matrix, v: &Quad) -> Quad {
     let (mut m, mut v) = (*m, *v);
     for k in 0..4 {
         for r in k + 1..4 {
@@ -59,7 +59,7 @@ pub fn solve(m: &Matrix, v: &Quad) -> Quad {
 
 /// Normal equations of the two endpoints of a block.
 #[derive(Clone, Debug)]
-pub struct System {
+pub(super) struct System {
     /// The matrix, rows of e₀ then e₁.
     pub matrix: [[f32; 8]; 8],
     /// The right-hand side.
@@ -75,7 +75,7 @@ impl Default for System {
 impl System {
     /// Adds `[A M A, A M B; B M A, B M B]`, A and B diagonal.
     #[inline(always)]
-    pub fn add_matrix(&mut self, m: &Matrix, a: Quad, b: Quad) {
+    pub(super) fn add_matrix(&mut self, m: &Matrix, a: Quad, b: Quad) {
         for r in 0..4 {
             for c in 0..4 {
                 self.matrix[r][c] += a[r] * a[c] * m[r][c];
@@ -88,7 +88,7 @@ impl System {
 
     /// Adds a multiple of the mean diagonal, pulling to `near`.
     #[inline(always)]
-    pub fn damp(&mut self, share: f32, near: &[Quad; 2]) {
+    pub(super) fn damp(&mut self, share: f32, near: &[Quad; 2]) {
         let mean = (0..8).map(|i| self.matrix[i][i]).sum::<f32>() / 8.0;
         for i in 0..8 {
             self.matrix[i][i] += share * mean;
@@ -97,7 +97,7 @@ impl System {
     }
 
     /// ½ vᵀ A v − vᵀ b
-    pub fn energy(&self, v: &[f32; 8]) -> f32 {
+    pub(super) fn energy(&self, v: &[f32; 8]) -> f32 {
         (0..8)
             .map(|r| v[r] * (0.5 * (0..8).map(|c| self.matrix[r][c] * v[c]).sum::<f32>() - self.right[r]))
             .sum()
@@ -105,7 +105,7 @@ impl System {
 
     /// The minimum within bounds: the free minimum clamped, or the present point if that is better, then
     /// coordinate descent within the bounds.
-    pub fn solve_within(&self, present: &[Quad; 2], low: f32, high: f32) -> [f32; 8] {
+    pub(super) fn solve_within(&self, present: &[Quad; 2], low: f32, high: f32) -> [f32; 8] {
         let mut v: [f32; 8] = std::array::from_fn(|i| present[i / 4][i % 4]);
         if let Some(free) = self.solve() {
             let clamped = free.map(|x| x.clamp(low, high));
@@ -129,7 +129,7 @@ impl System {
     }
 
     /// By Cholesky's factors; `None` unless positive definite.
-    pub fn solve(&self) -> Option<[f32; 8]> {
+    pub(super) fn solve(&self) -> Option<[f32; 8]> {
         let mut l = self.matrix;
         for j in 0..8 {
             for k in 0..j {

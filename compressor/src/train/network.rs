@@ -10,22 +10,22 @@ use crate::model::{FEATURES, GELU_BOUND, GELU_COEFFICIENTS, Shape};
 use std::ops::Range;
 
 /// Samples that are worked on together; all of a chunk belong to one time point.
-pub const CHUNK: usize = 32;
+pub(crate) const CHUNK: usize = 32;
 
 /// Length of a row of features: V_uvt, V_uv, V_ut, V_vt, zeros. What the tile does not have is zero.
-pub const FEATURE_ROW: usize = 16;
+pub(crate) const FEATURE_ROW: usize = 16;
 /// Where those of [`Shape::columns`] that are features stand in a row.
 const AT: [usize; 4] = [0, 4, 8, 10];
 
 /// Rows of a chunk, aligned to cache lines: a 512-bit access that straddles two lines costs twice.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
-pub struct Rows<const N: usize>([[f32; N]; CHUNK]);
+pub(crate) struct Rows<const N: usize>([[f32; N]; CHUNK]);
 
 impl<const N: usize> Rows<N> {
     /// Zeros.
     #[inline(always)]
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Rows([[0.0; N]; CHUNK])
     }
 }
@@ -48,7 +48,7 @@ impl<const N: usize> std::ops::DerefMut for Rows<N> {
 /// The network's weights. Both orientations of a matrix are kept.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
-pub struct Network<const H: usize> {
+pub(crate) struct Network<const H: usize> {
     w1: [[f32; FEATURE_ROW]; H],
     w1_t: [[f32; H]; FEATURES],
     /// Per time point: b₁ and what γ and the gates add to it.
@@ -65,7 +65,7 @@ pub struct Network<const H: usize> {
 
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
-pub struct NetworkGradient<const H: usize> {
+pub(crate) struct NetworkGradient<const H: usize> {
     w1: [[f32; FEATURE_ROW]; H],
     /// Per time point.
     biases: Vec<[f32; H]>,
@@ -77,7 +77,7 @@ pub struct NetworkGradient<const H: usize> {
 
 /// What the forward pass leaves for the backward pass: hidden values and slopes of the activations.
 #[derive(Debug)]
-pub struct Trace<const H: usize> {
+pub(crate) struct Trace<const H: usize> {
     h1: Rows<H>,
     slope1: Rows<H>,
     h2: Rows<H>,
@@ -86,14 +86,14 @@ pub struct Trace<const H: usize> {
 
 impl<const H: usize> Trace<H> {
     /// Zeros.
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Trace { h1: Rows::new(), slope1: Rows::new(), h2: Rows::new(), slope2: Rows::new() }
     }
 }
 
 impl<const H: usize> Network<H> {
     /// From the stored order, W₁ b₁ W₂ b₂ W₃ b₃, and the time points.
-    pub fn new(flat: &[f32], problem: &Problem) -> Self {
+    pub(crate) fn new(flat: &[f32], problem: &Problem) -> Self {
         let inputs = problem.shape.inputs();
         let (features, time) = columns(&problem.shape);
         let [stored, b1, w2, b2, w3, b3] = problem.shape.split_mlp(flat);
@@ -126,7 +126,12 @@ impl<const H: usize> Network<H> {
 
     /// y (three channels and a zero) of a chunk of inputs at a time point.
     #[inline(always)]
-    pub fn forward<V: Longest>(&self, x: &Rows<FEATURE_ROW>, point: usize, trace: &mut Trace<H>) -> Rows<4> {
+    pub(crate) fn forward<V: Longest>(
+        &self,
+        x: &Rows<FEATURE_ROW>,
+        point: usize,
+        trace: &mut Trace<H>,
+    ) -> Rows<4> {
         // h₁ = gelu(W₁ x + b₁)
         let Trace { h1, slope1, h2, slope2 } = trace;
         first_layer::<V, H>(x, &self.w1_t, self.there, &self.biases[point], To::Gelu(h1, slope1));
@@ -140,7 +145,7 @@ impl<const H: usize> Network<H> {
 
     /// From ∂L/∂y: adds the weights' gradients, and gives ∂L/∂x in `dx` where there is one.
     #[inline(always)]
-    pub fn backward<V: Longest>(
+    pub(crate) fn backward<V: Longest>(
         &self,
         x: &Rows<FEATURE_ROW>,
         point: usize,
@@ -169,7 +174,7 @@ impl<const H: usize> Network<H> {
 
     /// ∂y_c/∂x for the three channels c.
     #[inline(always)]
-    pub fn jacobian<V: Lanes>(&self, trace: &Trace<H>, jacobian: &mut [Rows<FEATURE_ROW>; 3]) {
+    pub(crate) fn jacobian<V: Lanes>(&self, trace: &Trace<H>, jacobian: &mut [Rows<FEATURE_ROW>; 3]) {
         let (mut d2, mut d1) = (Rows::new(), Rows::new());
         for (row, dx) in self.w3.iter().zip(jacobian) {
             for (d2, slope2) in d2.iter_mut().zip(trace.slope2.iter()) {
@@ -185,7 +190,7 @@ impl<const H: usize> Network<H> {
 
 impl<const H: usize> NetworkGradient<H> {
     /// Zeros.
-    pub fn new(points: usize) -> Self {
+    pub(crate) fn new(points: usize) -> Self {
         NetworkGradient {
             w1: [[0.0; FEATURE_ROW]; H],
             biases: vec![[0.0; H]; points],
@@ -197,7 +202,7 @@ impl<const H: usize> NetworkGradient<H> {
     }
 
     /// Writes the gradient in the stored order: W₁ b₁ W₂ b₂ W₃ b₃.
-    pub fn flatten(&self, problem: &Problem, flat: &mut [f32]) {
+    pub(crate) fn flatten(&self, problem: &Problem, flat: &mut [f32]) {
         let inputs = problem.shape.inputs();
         let (features, time) = columns(&problem.shape);
         let (w1, rest) = flat.split_at_mut(H * inputs);

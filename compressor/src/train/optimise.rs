@@ -23,7 +23,7 @@ const BETA1: f32 = 0.9;
 
 /// What a step moves, how far, and whether features carry noise.
 #[derive(Clone, Copy, Debug)]
-pub struct Step {
+pub(crate) struct Step {
     /// Parameters that move.
     pub scope: Scope,
     /// Learning rate of the features.
@@ -37,7 +37,7 @@ pub struct Step {
 }
 
 /// Learning rate at a step: a linear warm-up, then a cosine from 1 to `end`.
-pub fn schedule(step: usize, steps: usize, warm_up: usize, end: f32) -> f32 {
+pub(crate) fn schedule(step: usize, steps: usize, warm_up: usize, end: f32) -> f32 {
     let progress = step as f32 / steps.max(1) as f32;
     let warm = ((step + 1) as f32 / warm_up.max(1) as f32).min(1.0);
     warm * (end + (1.0 - end) * 0.5 * (1.0 + (std::f32::consts::PI * progress).cos()))
@@ -45,7 +45,7 @@ pub fn schedule(step: usize, steps: usize, warm_up: usize, end: f32) -> f32 {
 
 /// Centred texels of the maps of blocks that the tile has.
 #[derive(Clone, Debug)]
-pub struct Maps {
+pub(crate) struct Maps {
     /// F_uv, block by block, x + 4 y within a block.
     pub uv: Vec<Quad>,
     /// F_uvt, slice by slice, row by row.
@@ -54,7 +54,7 @@ pub struct Maps {
 
 /// The state of one tile's training.
 #[derive(Debug)]
-pub struct Trainer<const H: usize> {
+pub(crate) struct Trainer<const H: usize> {
     tier: Tier,
     /// The samples.
     pub problem: Problem,
@@ -82,13 +82,13 @@ pub struct Trainer<const H: usize> {
 }
 
 impl<const H: usize> Trainer<H> {
-    pub fn tier(&self) -> Tier {
+    pub(crate) fn tier(&self) -> Tier {
         self.tier
     }
 
     /// Before the first step. `bases`: Adam sees the network's matrices in the eigenbases of their gradients,
     /// else as they are.
-    pub fn new(problem: Problem, seed: u64, bases: bool, tier: Tier) -> Self {
+    pub(crate) fn new(problem: Problem, seed: u64, bases: bool, tier: Tier) -> Self {
         let mut random = Random::new(seed);
         let layout = Layout::new(&problem.shape, problem.coded == Coded::TexelByTexel);
         let params = layout.initial(&problem.shape, &mut random);
@@ -118,7 +118,7 @@ impl<const H: usize> Trainer<H> {
     }
 
     /// Makes maps, where samples read them, and the network follow the parameters.
-    pub fn refresh(&mut self) {
+    pub(crate) fn refresh(&mut self) {
         if !self.frozen {
             if self.problem.coded == Coded::TexelByTexel {
                 self.interpolate_uv();
@@ -138,25 +138,25 @@ impl<const H: usize> Trainer<H> {
     }
 
     /// From now on F_uv and F_uvt are what the maps hold, whatever the parameters: at first the same.
-    pub fn freeze(&mut self) {
+    pub(crate) fn freeze(&mut self) {
         self.interpolate_uv();
         self.frozen = true;
     }
 
     /// The maps follow the parameters again.
-    pub fn thaw(&mut self) {
+    pub(crate) fn thaw(&mut self) {
         self.frozen = false;
         self.refresh();
     }
 
     /// The features as samples read them.
-    pub fn features(&self) -> Features<'_> {
+    pub(crate) fn features(&self) -> Features<'_> {
         features(&self.layout, &self.params, &self.maps, self.frozen)
     }
 
     /// Loss (Σ w r², per sample) and gradient of a batch at the present parameters; the gradient is added to
     /// `flat`, which a step leaves zero.
-    pub fn differentiate(&mut self, samples: &[Samples], noise: bool, scope: Scope) -> f64 {
+    pub(crate) fn differentiate(&mut self, samples: &[Samples], noise: bool, scope: Scope) -> f64 {
         let salt = self.random.bits();
         self.of_network = NetworkGradient::new(self.problem.points.len());
         let loss = run(
@@ -196,7 +196,7 @@ impl<const H: usize> Trainer<H> {
     }
 
     /// One step on the next batch; gives its loss, which is not finite once the training diverged.
-    pub fn step(&mut self, step: &Step) -> Result<f64> {
+    pub(crate) fn step(&mut self, step: &Step) -> Result<f64> {
         stop_if_interrupted()?;
         let mut epochs = std::mem::take(&mut self.epochs);
         let batch = epochs.next(&self.problem, &mut self.random);
@@ -244,7 +244,7 @@ impl<const H: usize> Trainer<H> {
 
     /// Mean squared error in linear light of the first this many time points, over every `stride`-th valid
     /// texel.
-    pub fn mean_squared_errors(&self, points: usize, stride: usize) -> Vec<f64> {
+    pub(crate) fn mean_squared_errors(&self, points: usize, stride: usize) -> Vec<f64> {
         let valid = &self.problem.texels[..self.problem.valid];
         let texels: Vec<Texel> = valid.iter().step_by(stride).copied().collect();
         let (problem, features, network) = (&self.problem, self.features(), &self.network);
@@ -255,7 +255,7 @@ impl<const H: usize> Trainer<H> {
 
     /// Mean over the frames of the PSNR (at most 100 dB) against the frame's largest valid value; not finite
     /// where any output is not.
-    pub fn psnr(&self, stride: usize) -> f64 {
+    pub(crate) fn psnr(&self, stride: usize) -> f64 {
         let errors = self.mean_squared_errors(self.problem.frames, stride);
         let peaks = self.problem.points.iter().map(|m| f64::from(m.peak));
         peaks.zip(&errors).map(|(peak, mse)| psnr_db(peak, *mse)).sum::<f64>() / errors.len() as f64
@@ -266,7 +266,7 @@ impl<const H: usize> Trainer<H> {
     /// mostly averaged over the frame ([`EVEN`]), scaled to mean 1, with a floor for the dark. For the pooled
     /// error, peak² would stand for MSE; √(peak² MSE) gives two thirds of the gain and leaves the dark nearly
     /// as good.
-    pub fn align_weights(&mut self, aim: Aim) {
+    pub(crate) fn align_weights(&mut self, aim: Aim) {
         let stride = self.problem.coarse_stride();
         let errors = self.mean_squared_errors(self.problem.points.len(), stride);
         let problem = &mut self.problem;

@@ -42,7 +42,7 @@ const GOOD_DB: f64 = 40.0;
 const POINTS: usize = 8;
 
 /// A training at a multiple of the rates.
-pub struct Attempt<const H: usize> {
+pub(super) struct Attempt<const H: usize> {
     trainer: Trainer<H>,
     rate_scale: f32,
     beta2: f32,
@@ -73,7 +73,7 @@ impl From<Error> for Stop {
 
 impl<const H: usize> Attempt<H> {
     /// Before the first step.
-    pub fn new(problem: &Problem, recipe: &Recipe, rate_scale: f32, tier: Tier) -> Self {
+    pub(super) fn new(problem: &Problem, recipe: &Recipe, rate_scale: f32, tier: Tier) -> Self {
         Attempt {
             clock: Clock::start(),
             trainer: Trainer::new(problem.clone(), recipe.seed, !recipe.paper, tier),
@@ -89,7 +89,7 @@ impl<const H: usize> Attempt<H> {
 
     /// All phases; `None` if the training diverged (only if it came to no number, where it is the `last`
     /// attempt). The result's `omitted` is empty.
-    pub fn finish(mut self, recipe: &Recipe, last: bool) -> Result<Option<TrainedTile>> {
+    pub(super) fn finish(mut self, recipe: &Recipe, last: bool) -> Result<Option<TrainedTile>> {
         self.last = last;
         let trained = match self.trainer.problem.coded {
             _ if recipe.paper => self.paper(recipe.iterations),
@@ -106,7 +106,7 @@ impl<const H: usize> Attempt<H> {
 
     /// The main phase alone: the squared error of the float model relative to each frame's peak, mean over
     /// channels, summed over valid texels and frames; `None` if the training diverged.
-    pub fn trial(mut self, recipe: &Recipe) -> Result<Option<f64>> {
+    pub(super) fn trial(mut self, recipe: &Recipe) -> Result<Option<f64>> {
         let rates = |i| RATES.map(|rate| rate * schedule(i, recipe.iterations, WARM_UP, LAST_RATE));
         match self.main_phase(recipe.iterations, &ALIGNMENTS, rates) {
             Ok(_) => {}

@@ -10,18 +10,18 @@ use crate::tile::{Coverage, TileSource};
 use crate::time::{self, Axis, Coding};
 
 /// An epoch of training visits one of this many gutter texels.
-pub const GUTTER_SHARE: usize = 5;
+pub(super) const GUTTER_SHARE: usize = 5;
 /// Weight of a gutter texel in the loss; most valid ones have 1.
-pub const GUTTER_WEIGHT: f32 = 0.1;
+pub(super) const GUTTER_WEIGHT: f32 = 0.1;
 /// Weight of a texel beside another tile's. Errors are smooth inside a tile and another's beyond its border,
 /// which shows them.
-pub const EDGE_WEIGHT: f32 = 6.0;
+pub(super) const EDGE_WEIGHT: f32 = 6.0;
 /// By how much more such a texel counts where blocks are chosen.
-pub const EDGE_IN_BLOCKS: f32 = 2.0;
+pub(super) const EDGE_IN_BLOCKS: f32 = 2.0;
 
 /// Two neighbouring texels of a map along one axis: offsets, and the weight of the second.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Pair {
+pub(crate) struct Pair {
     /// Texel (or offset) of weight 1 − f, and of weight f.
     pub at: [usize; 2],
     /// f
@@ -31,14 +31,14 @@ pub struct Pair {
 impl Pair {
     /// Both with their weights.
     #[inline(always)]
-    pub fn ends(&self) -> [(usize, f32); 2] {
+    pub(crate) fn ends(&self) -> [(usize, f32); 2] {
         [(self.at[0], 1.0 - self.f), (self.at[1], self.f)]
     }
 }
 
 /// Bilinear neighbours of a coordinate in [0, 1] with centres at (i + ½)/size, clamped at the ends; of size 0
 /// as of 1. The second is the one after the first, unless there is but one.
-pub fn clamped(coordinate: f64, size: usize) -> Pair {
+pub(super) fn clamped(coordinate: f64, size: usize) -> Pair {
     let size = size.max(1);
     let p = (coordinate * size as f64 - 0.5).clamp(0.0, (size - 1) as f64);
     let i = (p.floor() as usize).min(size.saturating_sub(2));
@@ -46,7 +46,7 @@ pub fn clamped(coordinate: f64, size: usize) -> Pair {
 }
 
 /// The same for an axis of period 1.
-pub fn periodic(coordinate: f64, size: usize) -> Pair {
+pub(super) fn periodic(coordinate: f64, size: usize) -> Pair {
     let size = size.max(1);
     let p = coordinate * size as f64 - 0.5;
     let i = p.floor();
@@ -57,7 +57,7 @@ pub fn periodic(coordinate: f64, size: usize) -> Pair {
 /// Where a column (or row) of stored texels reads the maps. Offsets of a column and a row add up: texels of
 /// F_uv lie block by block, those of F_uvt row by row.
 #[derive(Clone, Copy, Debug)]
-pub struct Site {
+pub(crate) struct Site {
     /// Part of the offset into F_uv.
     pub uv: usize,
     /// Parts of the offsets into a slice of F_uvt.
@@ -73,7 +73,7 @@ fn touched(pair: &Pair) -> impl Iterator<Item = usize> {
 
 /// A time point that is trained on: a frame, or between two.
 #[derive(Clone, Debug)]
-pub struct TimePoint {
+pub(crate) struct TimePoint {
     /// Index of the frame, or of the one before.
     #[cfg(test)]
     pub index: usize,
@@ -95,7 +95,7 @@ pub struct TimePoint {
 
 /// A stored texel that is trained on: four bytes, for training goes through millions in random order.
 #[derive(Clone, Copy, Debug)]
-pub struct Texel {
+pub(crate) struct Texel {
     /// Its place among the problem's.
     index: u16,
     x: u8,
@@ -105,26 +105,26 @@ pub struct Texel {
 impl Texel {
     /// Its place among the problem's texels.
     #[inline(always)]
-    pub fn index(self) -> usize {
+    pub(crate) fn index(self) -> usize {
         usize::from(self.index)
     }
 
     /// Stored column.
     #[inline(always)]
-    pub fn x(self) -> usize {
+    pub(crate) fn x(self) -> usize {
         usize::from(self.x)
     }
 
     /// Stored row.
     #[inline(always)]
-    pub fn y(self) -> usize {
+    pub(crate) fn y(self) -> usize {
         usize::from(self.y)
     }
 }
 
 /// All samples of a tile.
 #[derive(Clone, Debug)]
-pub struct Problem {
+pub(crate) struct Problem {
     pub shape: Shape,
     /// What τ, γ and a target are.
     pub coding: Coding,
@@ -158,7 +158,7 @@ pub struct Problem {
 
 impl Problem {
     /// Prepares a tile. The problem has no time points or no valid texels where there is nothing to train.
-    pub fn new(source: &TileSource, light: &Light, shape: Shape, coding: Coding) -> Self {
+    pub(crate) fn new(source: &TileSource, light: &Light, shape: Shape, coding: Coding) -> Self {
         let valid = light.valid.len();
         let all: Vec<usize> = light.valid.iter().chain(&light.gutter).copied().collect();
         let texel = |(index, &i): (usize, &usize)| Texel {
@@ -231,7 +231,7 @@ impl Problem {
 
 impl Problem {
     /// Per block of F_uv and of F_uvt: whether any sample reads it.
-    pub fn blocks_read(&self) -> [Vec<bool>; 2] {
+    pub(crate) fn blocks_read(&self) -> [Vec<bool>; 2] {
         let [uv, uvt, ..] = self.shape.counts();
         let mut read_uv = vec![false; uv];
         // Texels of a slice.
@@ -261,25 +261,25 @@ impl Problem {
 
     /// Its column and its row.
     #[inline(always)]
-    pub fn sites(&self, texel: Texel) -> (&Site, &Site) {
+    pub(crate) fn sites(&self, texel: Texel) -> (&Site, &Site) {
         (&self.columns[texel.x()], &self.rows[texel.y()])
     }
 
     /// The targets of a time point, by the texels' places.
     #[inline(always)]
-    pub fn targets_at(&self, point: usize) -> &[Quad] {
+    pub(crate) fn targets_at(&self, point: usize) -> &[Quad] {
         &self.targets[point * self.texels.len()..][..self.texels.len()]
     }
 
     /// Every this many valid texels are some 2000: enough to judge a training by.
-    pub fn coarse_stride(&self) -> usize {
+    pub(crate) fn coarse_stride(&self) -> usize {
         self.valid.div_ceil(2048)
     }
 
     /// Factor of a texel's weight where blocks are chosen, which looks at every texel: an epoch visits the
     /// gutter's less often.
     #[inline(always)]
-    pub fn weight_in_blocks(&self, texel: Texel) -> f32 {
+    pub(crate) fn weight_in_blocks(&self, texel: Texel) -> f32 {
         match texel.index() < self.valid {
             true if self.edges[texel.index()] => EDGE_IN_BLOCKS,
             true => 1.0,

@@ -37,7 +37,7 @@ const MOST_SETS: usize = 64;
 
 /// The blocks of both maps.
 #[derive(Clone, Debug)]
-pub struct Blocks {
+pub(crate) struct Blocks {
     /// F_uv, row by row.
     pub uv: Vec<Block>,
     /// F_uvt, slice by slice.
@@ -47,7 +47,7 @@ pub struct Blocks {
 impl<const H: usize> Trainer<H> {
     /// Blocks of the learned endpoints and weights under the loss's metric, of F_uvt, then of F_uv; freezes
     /// both first.
-    pub fn freeze_blocks(&mut self) -> Blocks {
+    pub(crate) fn freeze_blocks(&mut self) -> Blocks {
         self.freeze();
         let mut uvt = self.fit_uvt();
         show(&uvt, self.problem.shape.uvt[0], &mut self.maps.uvt);
@@ -61,7 +61,7 @@ impl<const H: usize> Trainer<H> {
 
     /// The learned texels rounded to 8 bits and encoded under the plain squared error, all channels alike;
     /// freezes both maps.
-    pub fn encode_blocks(&mut self) -> Blocks {
+    pub(crate) fn encode_blocks(&mut self) -> Blocks {
         self.freeze();
         let identity = std::array::from_fn(|r| std::array::from_fn(|c| if r == c { 1.0 } else { 0.0 }));
         let tier = self.tier();
@@ -90,19 +90,19 @@ impl<const H: usize> Trainer<H> {
     }
 
     /// Improves frozen blocks around the present planes and network.
-    pub fn refine_blocks(&mut self, blocks: &mut Blocks) {
+    pub(crate) fn refine_blocks(&mut self, blocks: &mut Blocks) {
         self.refine_uvt(&mut blocks.uvt);
         self.refine_uv(blocks);
     }
 
     /// Improves F_uv alone.
-    pub fn refine_uv(&mut self, blocks: &mut Blocks) {
+    pub(crate) fn refine_uv(&mut self, blocks: &mut Blocks) {
         let start: Vec<[Quad; 2]> = blocks.uv.iter().map(|b| b.endpoints.map(|e| e.map(f32::from))).collect();
         self.fit_uv(blocks, &start);
     }
 
     /// Rounds F_ut and F_vt to 8 bits.
-    pub fn round_planes(&mut self) {
+    pub(crate) fn round_planes(&mut self) {
         for v in &mut self.params[self.layout.ut.start..self.layout.vt.end] {
             *v = (*v * 255.0).round() / 255.0;
         }
@@ -110,7 +110,7 @@ impl<const H: usize> Trainer<H> {
     }
 
     /// The PSNR of the float model with all its features rounded to 8 bits: what there would be without BC7.
-    pub fn psnr_8bit(&mut self) -> f64 {
+    pub(crate) fn psnr_8bit(&mut self) -> f64 {
         let planes = self.layout.ut.start..self.layout.vt.end;
         let kept = self.params[planes.clone()].to_vec();
         self.round_planes();
@@ -124,7 +124,7 @@ impl<const H: usize> Trainer<H> {
     }
 
     /// Rounds the decoder network to 16 bits.
-    pub fn round_network(&mut self) {
+    pub(crate) fn round_network(&mut self) {
         for v in &mut self.params[self.layout.network.clone()] {
             *v = half::f16::from_f32(v.clamp(-65504.0, 65504.0)).to_f32();
         }
@@ -133,7 +133,7 @@ impl<const H: usize> Trainer<H> {
 
     /// The stored form of rounded parameters and blocks. Blocks that no sample reads are grey: the bundle
     /// leaves them out.
-    pub fn store(&self, blocks: &Blocks) -> TileParams {
+    pub(crate) fn store(&self, blocks: &Blocks) -> TileParams {
         let [uv, uvt] = self.problem.blocks_read();
         let stored = |blocks: &[Block], read: &[bool]| {
             blocks.iter().zip(read).map(|(block, read)| encode(if *read { block } else { &GREY })).collect()

@@ -57,7 +57,7 @@ pub(crate) struct Facts {
 
 impl Facts {
     /// It has no light at any time.
-    pub fn is_black(&self) -> bool {
+    pub(crate) fn is_black(&self) -> bool {
         !self.has_maps && !self.has_sun
     }
 }

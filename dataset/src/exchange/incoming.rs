@@ -45,7 +45,7 @@ pub(super) enum Light {
 
 impl Light {
     /// Rows `y0 .. y1`; their values are not checked.
-    pub fn rows(&self, y0: usize, y1: usize) -> Result<Vec<[f32; 3]>> {
+    pub(super) fn rows(&self, y0: usize, y1: usize) -> Result<Vec<[f32; 3]>> {
         match self {
             Light::Raw(raw) => raw.light(y0, y1),
             Light::Exr(path, channels) => image::read_rows_of(path, channels, y0, y1),
@@ -53,7 +53,7 @@ impl Light {
     }
 
     /// The file that holds a row.
-    pub fn path(&self, y: usize) -> &Path {
+    pub(super) fn path(&self, y: usize) -> &Path {
         match self {
             Light::Raw(raw) => raw.path(y),
             Light::Exr(path, _) => path,
@@ -69,7 +69,7 @@ pub(super) enum MaskFile {
 }
 
 impl IncomingPage {
-    pub fn mask(&self) -> Result<Mask> {
+    pub(super) fn mask(&self) -> Result<Mask> {
         let (width, height) = (self.width, self.height);
         let mut mask: Option<(Mask, &MaskFile)> = None;
         for file in &self.masks {

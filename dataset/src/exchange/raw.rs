@@ -33,7 +33,11 @@ pub(super) struct Raw {
 impl Raw {
     /// Checks that the files hold just this many texels, which is all that the size of what is read later
     /// depends on.
-    pub fn open(parts: Vec<PathBuf>, (width, height): (usize, usize), texel_bytes: usize) -> Result<Self> {
+    pub(super) fn open(
+        parts: Vec<PathBuf>,
+        (width, height): (usize, usize),
+        texel_bytes: usize,
+    ) -> Result<Self> {
         let rows = height / parts.len();
         let expected = (width * texel_bytes) as u64 * rows as u64;
         for path in &parts {
@@ -52,7 +56,7 @@ impl Raw {
     }
 
     /// The file that holds a row.
-    pub fn path(&self, y: usize) -> &Path {
+    pub(super) fn path(&self, y: usize) -> &Path {
         &self.parts[y / (self.height / self.parts.len())]
     }
 
@@ -76,7 +80,7 @@ impl Raw {
     }
 
     /// The light of rows `y0 .. y1`; its values are not checked.
-    pub fn light(&self, y0: usize, y1: usize) -> Result<Vec<[f32; 3]>> {
+    pub(super) fn light(&self, y0: usize, y1: usize) -> Result<Vec<[f32; 3]>> {
         let bytes = self.bytes(y0, y1)?;
         let texel = |texel: &[u8; LIGHT_BYTES]| {
             std::array::from_fn(|c| f32::from_le_bytes([0, 1, 2, 3].map(|byte| texel[4 * c + byte])))
@@ -85,7 +89,7 @@ impl Raw {
     }
 
     /// Which texels of rows `y0 .. y1` are valid.
-    pub fn valid(&self, y0: usize, y1: usize) -> Result<Vec<bool>> {
+    pub(super) fn valid(&self, y0: usize, y1: usize) -> Result<Vec<bool>> {
         let bytes = self.bytes(y0, y1)?;
         match bytes.iter().position(|&byte| byte != VALID && byte != INVALID) {
             None => Ok(bytes.iter().map(|&byte| byte == VALID).collect()),

@@ -19,12 +19,12 @@ pub(super) struct Counted {
 }
 
 impl Counted {
-    pub fn places(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+    pub(super) fn places(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         self.places[..self.number].iter().copied()
     }
 
     /// The mean of three values of each of the texels, summed row by row in f64.
-    pub fn mean(&self, value: impl Fn((usize, usize)) -> [f32; 3]) -> [f32; 3] {
+    pub(super) fn mean(&self, value: impl Fn((usize, usize)) -> [f32; 3]) -> [f32; 3] {
         let mut sum = [0.0f64; 3];
         for place in self.places() {
             let value = value(place);
@@ -37,13 +37,13 @@ impl Counted {
 
 impl Half {
     /// Of a page with this mask.
-    pub fn new(source: Mask) -> Self {
+    pub(super) fn new(source: Mask) -> Self {
         let (width, height) = (source.width.div_ceil(2), source.height.div_ceil(2));
         Half { source, width, height }
     }
 
     /// The valid texels under a texel of the half, or all that there are if none is valid.
-    pub fn counted(&self, x: usize, y: usize) -> Counted {
+    pub(super) fn counted(&self, x: usize, y: usize) -> Counted {
         let Mask { width, height, valid } = &self.source;
         let (columns, rows) = (2 * x..(2 * x + 2).min(*width), 2 * y..(2 * y + 2).min(*height));
         let inside = || rows.clone().flat_map(|y| columns.clone().map(move |x| (x, y)));
@@ -58,7 +58,7 @@ impl Half {
     }
 
     /// The mask of the half: valid where a texel under it is.
-    pub fn mask(&self) -> Mask {
+    pub(super) fn mask(&self) -> Mask {
         let Mask { width, valid, .. } = &self.source;
         let is_valid = |x: usize, y: usize| self.counted(x, y).places().any(|(x, y)| valid[y * width + x]);
         let all = (0..self.height).flat_map(|y| (0..self.width).map(move |x| (x, y)));

@@ -38,7 +38,7 @@ pub(super) enum Content {
 }
 
 impl Member {
-    pub fn length(&self) -> Result<u64> {
+    pub(super) fn length(&self) -> Result<u64> {
         match &self.content {
             Content::Memory(bytes) => Ok(bytes.len() as u64),
             Content::Disk(_, Some(known)) => Ok(known.bytes),

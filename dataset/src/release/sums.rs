@@ -18,12 +18,12 @@ pub(super) struct Summed<'a, R> {
 }
 
 impl<'a, R: Read> Summed<'a, R> {
-    pub fn new(inner: R, progress: &'a dyn Meter) -> Self {
+    pub(super) fn new(inner: R, progress: &'a dyn Meter) -> Self {
         Summed { inner, hasher: Sha256::new(), progress }
     }
 
     /// Reads what is left, and gives the sum of all.
-    pub fn finish(mut self) -> io::Result<String> {
+    pub(super) fn finish(mut self) -> io::Result<String> {
         io::copy(&mut self, &mut io::sink())?;
         Ok(self.hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
     }

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 /// A file that is written but has no name in the dataset yet; dropped, it is removed.
 #[derive(Debug)]
-pub struct Staged {
+pub(crate) struct Staged {
     temporary: PathBuf,
     bytes: u64,
     blake3: Digest,

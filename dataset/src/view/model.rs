@@ -84,7 +84,7 @@ impl Shape {
 
 impl Part {
     /// The corners of the box around it, in the world.
-    pub fn corners(&self, model: &Model) -> [DVec3; 8] {
+    pub(super) fn corners(&self, model: &Model) -> [DVec3; 8] {
         let Shape { low, high, .. } = &model.shapes[self.shape];
         std::array::from_fn(|i| {
             let of = |axis: usize| f64::from(if i >> axis & 1 == 0 { low[axis] } else { high[axis] });
@@ -95,7 +95,7 @@ impl Part {
 
 impl Model {
     /// The box around all parts, or around those with texels, in the world.
-    pub fn bounds(&self, with_texels: bool) -> (DVec3, DVec3) {
+    pub(super) fn bounds(&self, with_texels: bool) -> (DVec3, DVec3) {
         let parts = self.parts.iter().filter(|part| !with_texels || part.place.is_some());
         let parts = parts.filter(|part| !self.shapes[part.shape].positions.is_empty());
         let corners = parts.flat_map(|part| part.corners(self));
@@ -105,13 +105,13 @@ impl Model {
     }
 
     /// The length of the diagonal of the box around all parts.
-    pub fn extent(&self) -> f64 {
+    pub(super) fn extent(&self) -> f64 {
         let (low, high) = self.bounds(false);
         (high - low).length().max(f64::MIN_POSITIVE)
     }
 
     /// Base colour and alpha at a point of a triangle, by its second and third barycentric coordinate.
-    pub fn colour(&self, shape: &Shape, triangle: usize, at: [f32; 2]) -> (Vec3, f32) {
+    pub(super) fn colour(&self, shape: &Shape, triangle: usize, at: [f32; 2]) -> (Vec3, f32) {
         let material = &self.materials[shape.material];
         let own = shape.at(&shape.colours, triangle, at).unwrap_or(Vec4::ONE);
         let (mut albedo, mut alpha) = (material.albedo * own.truncate(), material.alpha * own.w);
@@ -125,7 +125,7 @@ impl Model {
 
     /// The unit normal of a triangle in the world, on the side that its corners go round counter-clockwise;
     /// zero of a sliver.
-    pub fn normal(&self, part: &Part, triangle: usize) -> DVec3 {
+    pub(super) fn normal(&self, part: &Part, triangle: usize) -> DVec3 {
         let shape = &self.shapes[part.shape];
         let corners = shape.triangles[triangle].map(|v| shape.positions[v as usize].as_dvec3());
         let [a, b, c] = corners.map(|corner| part.world_from_shape.transform_point3(corner));
@@ -133,7 +133,7 @@ impl Model {
     }
 
     /// The page of a part's point, and its coordinates there from 0 to 1.
-    pub fn texel(&self, part: &Part, triangle: usize, at: [f32; 2]) -> Option<(usize, Vec2)> {
+    pub(super) fn texel(&self, part: &Part, triangle: usize, at: [f32; 2]) -> Option<(usize, Vec2)> {
         let (page, scale, offset) = part.place?;
         let shape = &self.shapes[part.shape];
         // What has no texels though the node has some stands at (0, 0).

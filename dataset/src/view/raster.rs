@@ -23,7 +23,7 @@ impl Fragment {
     const NOTHING: Fragment =
         Fragment { inverse_depth: 0.0, part: 0, triangle: 0, at: [0.0; 2], is_back: false };
 
-    pub fn is_surface(&self) -> bool {
+    pub(super) fn is_surface(&self) -> bool {
         self.inverse_depth > 0.0
     }
 }

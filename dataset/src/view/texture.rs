@@ -31,7 +31,7 @@ fn wrapped(mode: WrappingMode, i: i64, size: i64) -> u32 {
 
 impl Texture {
     /// Bilinear value: linear Rec. 709 and alpha, both in [0, 1].
-    pub fn sample(&self, uv: Vec2) -> (Vec3, f32) {
+    pub(super) fn sample(&self, uv: Vec2) -> (Vec3, f32) {
         let size = [self.rgba.width(), self.rgba.height()];
         // (What is not finite becomes 0 where it is made an index.)
         let axis = |at: f32, k: usize| {
@@ -64,12 +64,12 @@ pub(super) struct Textures<'a> {
 }
 
 impl<'a> Textures<'a> {
-    pub fn new(document: &'a Document, binary: &'a [u8]) -> Self {
+    pub(super) fn new(document: &'a Document, binary: &'a [u8]) -> Self {
         Textures { document, binary, list: Vec::new(), known: BTreeMap::new() }
     }
 
     /// Decodes a texture, or finds it; `None` for one that lies elsewhere or in a format that is not read.
-    pub fn add(&mut self, texture: &gltf::Texture) -> Option<usize> {
+    pub(super) fn add(&mut self, texture: &gltf::Texture) -> Option<usize> {
         let image = texture.source()?.index();
         let wrap = [texture.sampler().wrap_s(), texture.sampler().wrap_t()];
         let key = (image, wrap.map(|mode| mode.as_gl_enum()));

@@ -19,7 +19,7 @@ const BODY: f64 = 0.01;
 /// closed by a sheet of tinted glass (`KHR_materials_transmission`), the third by a sheet that blends (alpha
 /// is coverage), the fourth by a closed body of glass, whose two faces dim one after the other. No glass
 /// reflects, so each bay has what the open one has, times what its glass lets through.
-pub fn glb() -> Vec<u8> {
+pub(crate) fn glb() -> Vec<u8> {
     let mut model = Model::default();
     for (name, albedo) in
         [("plaster", [0.6; 3]), ("tinted", [0.8, 0.5, 0.2]), ("blended", [0.0; 3]), ("body", [0.8; 3])]

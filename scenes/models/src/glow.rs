@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 /// A patch of ground of 8 m; a screen of 2 × 1 m that stands on it and is white towards −X and dark towards
 /// +X; a sign whose emission has a strength; a point lamp and a spot; and a directional light, which shines
 /// straight down.
-pub fn glb() -> Vec<u8> {
+pub(crate) fn glb() -> Vec<u8> {
     let mut model = ground();
     let half = |x: f64, _| (if x < 0.5 { [255.0; 3] } else { [20.0; 3] }, true);
     model.textures.push(texture("half", 64, half));

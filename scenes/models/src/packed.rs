@@ -11,7 +11,7 @@ const PLACES: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [2.0, 0.0, -1.0], [-2.0, 0.0, 1.
 const SCALES: [[f32; 3]; 4] = [[1.0, 1.0, 1.0], [0.5, 0.5, 0.5], [1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]];
 
 /// A patch of ground and one block with coloured vertices, which stands at four places, all of it compressed.
-pub fn glb() -> Vec<u8> {
+pub(crate) fn glb() -> Vec<u8> {
     let mut model = ground();
     model.add("block", "pale", block([-0.5, 0.0, -0.5], [0.5, 1.0, 0.5], ALL));
     let (mut root, mut binary) = crate::glb::split(&crate::glb::write(&model));

@@ -21,7 +21,7 @@ const SIDES: [f64; 2] = [0.005, 0.04];
 /// Slivers of every kind that real files hold, over a patch of ground: free ones, fans whose points lie on
 /// one line but for rounding, triangles of exactly collinear corners, and coincident ones that face both
 /// ways.
-pub fn slivers() -> Model {
+pub(crate) fn slivers() -> Model {
     let mut model = ground();
     let mut random = Random::new(1);
     let mut free = Mesh::default();
@@ -70,7 +70,7 @@ pub fn slivers() -> Model {
 
 /// Ten thousand loose triangles and squares of millimetres to centimetres, each a chart of its own, over a
 /// patch of ground.
-pub fn charts() -> Model {
+pub(crate) fn charts() -> Model {
     let mut model = ground();
     let mut random = Random::new(2);
     let mut bits = Mesh::default();

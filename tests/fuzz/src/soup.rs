@@ -3,8 +3,8 @@
 //! ends in a sound dataset or in an error that says what is wrong. Used by libFuzzer and by the ordinary test
 //! `soup`.
 
+use baker::bake::forecast::LayoutEstimate;
 use baker::bake::forecast::forecast;
-use baker::bake::layout_estimate::LayoutEstimate;
 use baker::bake::run::{Integrator, Options, bake, prepare};
 use baker::light::schedule::parse_hours;
 use baker::preview;

@@ -21,7 +21,7 @@ pub(super) struct Buffers<'a> {
 
 impl Buffers<'_> {
     /// The bytes of a view from an offset in it; `None` if they do not all lie within view and buffer.
-    pub fn bytes(&self, view: &gltf::buffer::View, offset: usize, length: usize) -> Option<&[u8]> {
+    pub(super) fn bytes(&self, view: &gltf::buffer::View, offset: usize, length: usize) -> Option<&[u8]> {
         let end = offset.checked_add(length).filter(|&end| end <= view.length())?;
         if let Some(decoded) = self.decoded.get(&view.index()) {
             return decoded.bytes().get(offset..end);

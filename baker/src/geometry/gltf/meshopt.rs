@@ -38,7 +38,7 @@ pub(super) struct Decoded {
 
 impl Decoded {
     /// The bytes.
-    pub fn bytes(&self) -> &[u8] {
+    pub(super) fn bytes(&self) -> &[u8] {
         &bytemuck::cast_slice(&self.words)[..self.size]
     }
 }

@@ -89,7 +89,7 @@ impl Profiles {
     ///
     /// # Errors
     /// Those of [`Profile::parse`] for a damaged profile, and any where the asset requires the extension.
-    pub fn read(
+    pub(super) fn read(
         &mut self,
         asset: &OpenAsset,
         node: &gltf::Node,

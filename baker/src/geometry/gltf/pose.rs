@@ -31,7 +31,7 @@ pub(super) struct Joints {
 impl Pose {
     /// The default pose: the node's weights go before those of its mesh. A mesh without joints follows no
     /// skin.
-    pub fn of(node: &gltf::Node, mesh: &gltf::Mesh) -> Self {
+    pub(super) fn of(node: &gltf::Node, mesh: &gltf::Mesh) -> Self {
         let weights = node.weights().or(mesh.weights()).unwrap_or_default();
         let weights = match weights.iter().all(|&weight| weight == 0.0) {
             true => Vec::new(),
@@ -48,7 +48,7 @@ impl Pose {
 
     /// Brings a mesh as it stands in the file into the pose. `joints` are those of its skin: it then lies in
     /// the file's space.
-    pub fn apply(
+    pub(super) fn apply(
         &self,
         asset: &OpenAsset,
         primitive: &gltf::Primitive,
@@ -94,7 +94,7 @@ impl Pose {
     }
 
     /// Whether it leaves every mesh as it is in the file.
-    pub fn is_plain(&self) -> bool {
+    pub(super) fn is_plain(&self) -> bool {
         self.weights.is_empty() && self.skin.is_none()
     }
 }
@@ -108,7 +108,7 @@ pub(super) struct Skins {
 
 impl Skins {
     /// A skin in the pose of its joints.
-    pub fn joints(&mut self, asset: &OpenAsset, skin: &gltf::Skin) -> Result<&Joints> {
+    pub(super) fn joints(&mut self, asset: &OpenAsset, skin: &gltf::Skin) -> Result<&Joints> {
         if self.file_from_node.is_empty() {
             self.file_from_node = file_from_nodes(asset.document);
         }

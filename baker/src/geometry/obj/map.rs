@@ -28,10 +28,10 @@ pub(super) struct Placement {
 
 impl Placement {
     /// Where the texture is not moved.
-    pub const IDENTITY: Self = Self { scale: DVec2::ONE, offset: DVec2::ZERO };
+    pub(super) const IDENTITY: Self = Self { scale: DVec2::ONE, offset: DVec2::ZERO };
 
     /// Texture coordinates, v down, of a `vt`, whose v runs up.
-    pub fn uv(&self, vt: [f64; 2]) -> Vec2 {
+    pub(super) fn uv(&self, vt: [f64; 2]) -> Vec2 {
         let [u, v] = (DVec2::from_array(vt) * self.scale + self.offset).to_array();
         Vec2::new(u as f32, (1.0 - v) as f32)
     }
@@ -101,7 +101,7 @@ pub(super) fn read(
 
 impl Map {
     /// Adds the picture to a store; gives its index there, or notes why it cannot be read, and that `then`.
-    pub fn add(
+    pub(super) fn add(
         &self,
         material: &Material,
         store: &mut TextureStore,

@@ -51,7 +51,7 @@ pub(super) struct Uses {
 
 impl Vertices {
     /// Adds a `v`: three coordinates, then a weight, which is of no use, or a colour.
-    pub fn add(&mut self, numbers: &[f64]) {
+    pub(super) fn add(&mut self, numbers: &[f64]) {
         if let Some(colour) = numbers.get(3..6) {
             self.colours.resize(self.v.len(), None);
             self.colours.push(Some(DVec3::from_slice(colour).as_vec3()));
@@ -60,7 +60,7 @@ impl Vertices {
     }
 
     /// Adds the colours of a `#MRGB`: eight hexadecimal digits each, a mask before red, green and blue.
-    pub fn paint(&mut self, digits: &str) {
+    pub(super) fn paint(&mut self, digits: &str) {
         let colour = |digits: &[u8]| {
             let bits = u32::from_str_radix(std::str::from_utf8(digits).ok()?, 16).ok()?;
             let [_, r, g, b] = bits.to_be_bytes();
@@ -70,7 +70,7 @@ impl Vertices {
     }
 
     /// Ends the list: all colours as shares.
-    pub fn finish(&mut self) {
+    pub(super) fn finish(&mut self) {
         let greatest = self.colours.iter().flatten().map(|colour| colour.max_element()).fold(0.0, f32::max);
         if greatest > GREATEST_SHARE {
             self.colours.iter_mut().flatten().for_each(|colour| *colour /= 255.0);
@@ -87,7 +87,7 @@ impl Vertices {
 
 impl Faces {
     /// Whether any of its vertices has a colour.
-    pub fn has_colours(&self, vertices: &Vertices) -> bool {
+    pub(super) fn has_colours(&self, vertices: &Vertices) -> bool {
         !vertices.colours.is_empty() && self.corners.iter().any(|[v, ..]| vertices.colour(*v).is_some())
     }
 

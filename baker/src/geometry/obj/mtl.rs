@@ -46,24 +46,24 @@ pub(super) struct Read {
 
 impl Material {
     /// The last statement with a keyword of [`KEYWORDS`].
-    pub fn get(&self, keyword: &str) -> Option<&Statement> {
+    pub(super) fn get(&self, keyword: &str) -> Option<&Statement> {
         self.statements.get(keyword)
     }
 
     /// The folder that its paths start from.
-    pub fn folder(&self) -> &Path {
+    pub(super) fn folder(&self) -> &Path {
         self.path.parent().unwrap_or(Path::new(""))
     }
 }
 
 impl Statement {
     /// The numbers that follow the keyword, if nothing else does.
-    pub fn numbers(&self) -> Option<Vec<f32>> {
+    pub(super) fn numbers(&self) -> Option<Vec<f32>> {
         words(&self.text).map(|word| word.parse().ok()).collect()
     }
 
     /// Three numbers, or one that stands for three.
-    pub fn triple(&self) -> Option<Vec3> {
+    pub(super) fn triple(&self) -> Option<Vec3> {
         match self.numbers()?[..] {
             [grey] => Some(Vec3::splat(grey)),
             [r, g, b] => Some(Vec3::new(r, g, b)),
@@ -72,12 +72,12 @@ impl Statement {
     }
 
     /// An error that quotes it.
-    pub fn error(&self, expected: &str) -> Error {
+    pub(super) fn error(&self, expected: &str) -> Error {
         Error::invalid(self.place(), format!("{}: expected {expected}", quoted(self.keyword, &self.text)))
     }
 
     /// An error about an option that cannot be read.
-    pub fn unsupported(&self, option: &str) -> Error {
+    pub(super) fn unsupported(&self, option: &str) -> Error {
         let what = format!(
             "{}: the option {option} changes the texture and is not read: apply it to the picture itself, and remove it here",
             quoted(self.keyword, &self.text)
@@ -86,7 +86,7 @@ impl Statement {
     }
 
     /// `file:line`.
-    pub fn place(&self) -> String {
+    pub(super) fn place(&self) -> String {
         format!("{}:{}", self.file, self.line)
     }
 }

@@ -20,12 +20,12 @@ pub(super) struct Statement<'a> {
 
 impl Statement<'_> {
     /// Its words up to a comment.
-    pub fn words(&self) -> impl Iterator<Item = &str> {
+    pub(super) fn words(&self) -> impl Iterator<Item = &str> {
         words(self.rest)
     }
 
     /// An error that quotes it.
-    pub fn error(&self, file: &str, expected: impl std::fmt::Display) -> Error {
+    pub(super) fn error(&self, file: &str, expected: impl std::fmt::Display) -> Error {
         Error::invalid(
             format!("{file}:{}", self.line),
             format!("{}: expected {expected}", quoted(self.keyword, self.rest)),

@@ -63,7 +63,7 @@ pub(super) struct Folded<'a> {
 
 impl<'a> Folded<'a> {
     /// A tile of a shape, its F_uv in rows of `padded` texels, and its weights.
-    pub fn new(
+    pub(super) fn new(
         shape: &Shape,
         fold: &'a Fold,
         coding: Coding,

@@ -28,7 +28,7 @@ pub(crate) struct Prepared {
 
 impl Prepared {
     /// Of a tile; `None` if it is black at the time.
-    pub fn new(tile: &TileParams, timeline: &Timeline, point: &TimePoint) -> Result<Option<Self>> {
+    pub(crate) fn new(tile: &TileParams, timeline: &Timeline, point: &TimePoint) -> Result<Option<Self>> {
         let means = means_at(tile, point);
         if means == [0.0; 3] {
             return Ok(None);
@@ -58,14 +58,14 @@ impl Prepared {
     }
 
     /// All stored texels, row by row.
-    pub fn decode_into(&self, out: &mut [[f32; 3]]) {
+    pub(crate) fn decode_into(&self, out: &mut [[f32; 3]]) {
         let folded =
             kernel::Folded::new(&self.shape, &self.fold, self.coding, self.padded, &self.uv, &self.mlp);
         kernel::decode(self.tier, &folded, out);
     }
 
     /// One stored texel.
-    pub fn texel(&self, x: usize, y: usize) -> [f32; 3] {
+    pub(crate) fn texel(&self, x: usize, y: usize) -> [f32; 3] {
         match self.shape.hidden {
             16 => self.texel_of::<16>(x, y),
             32 => self.texel_of::<32>(x, y),

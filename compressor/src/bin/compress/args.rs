@@ -132,7 +132,7 @@ sun's streams of all tiles at one time, in a compact layout (visibility in 3 bit
 #[derive(Debug, Parser)]
 #[command(name = "compress", version, after_long_help = EXAMPLES, after_help = "Details and examples: compress --help")]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
-pub struct Cli {
+pub(crate) struct Cli {
     #[command(subcommand)]
     pub command: Option<Command>,
     #[command(flatten)]
@@ -142,7 +142,7 @@ pub struct Cli {
 }
 
 #[derive(Debug, Subcommand)]
-pub enum Command {
+pub(crate) enum Command {
     /// Decode one atlas page at one time of day to an EXR image.
     #[command(after_help = "Example: compress decode dataset/yard/yard.ndgi --hour 18.05 --out evening.exr")]
     Decode {
@@ -210,7 +210,7 @@ pub enum Command {
 }
 
 #[derive(Debug, Args)]
-pub struct View {
+pub(crate) struct View {
     /// The dataset's folder, or a bundle.
     pub input: PathBuf,
     /// The bundle [default: INPUT if it is a bundle, else <dataset>/<scene>.ndgi].
@@ -235,7 +235,7 @@ pub struct View {
 }
 
 #[derive(Debug, Args)]
-pub struct Sweep {
+pub(crate) struct Sweep {
     /// The dataset's folder.
     pub dataset: PathBuf,
     /// Train at most this many tiles; the seed selects them.
@@ -260,7 +260,7 @@ pub struct Sweep {
 
 /// Slow quality metrics.
 #[derive(Debug, Args)]
-pub struct SlowMetricsArgs {
+pub(crate) struct SlowMetricsArgs {
     /// Also measure LPIPS with this network: an ONNX file written by dataset/python/export_lpips.py (builds
     /// with --features lpips).
     #[arg(long, value_name = "FILE")]
@@ -272,7 +272,7 @@ pub struct SlowMetricsArgs {
 }
 
 #[derive(Debug, Args)]
-pub struct Compare {
+pub(crate) struct Compare {
     /// The dataset's folder.
     pub dataset: PathBuf,
     /// Largest number of tiles (128×128 texels) to compare; the seed selects them [default: all of the first
@@ -312,7 +312,7 @@ pub struct Compare {
 }
 
 #[derive(Debug, Args)]
-pub struct Compress {
+pub(crate) struct Compress {
     /// The dataset's folder.
     #[arg(required = true)]
     pub dataset: Option<PathBuf>,
@@ -390,7 +390,7 @@ pub struct Compress {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum LightName {
+pub(crate) enum LightName {
     All,
     Baked,
     Sun,
@@ -422,7 +422,7 @@ fn parse_positive(text: &str) -> Result<f64, String> {
 }
 
 /// Parses the command line; exits if it is invalid or asks for help.
-pub fn parse() -> Cli {
+pub(crate) fn parse() -> Cli {
     refuse_arguments_not_utf8::<Cli>();
     refuse_misspelt::<Cli>("a dataset's folder");
     Cli::parse()

@@ -24,7 +24,7 @@ fn contents(bundle: &Bundle) -> Vec<serde_json::Value> {
     kinds.into_iter().map(object).collect()
 }
 
-pub fn info(path: PathBuf, console: &Console) -> Result<()> {
+pub(crate) fn info(path: PathBuf, console: &Console) -> Result<()> {
     let bundle = open(&path)?;
     let header = &bundle.header;
     bundle.verify().map_err(of_bundle)?;

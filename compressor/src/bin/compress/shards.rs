@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Trains a shard and prints the next step.
-pub fn train(root: &Path, options: &Options, shard: Shard, console: &Console) -> Result<()> {
+pub(crate) fn train(root: &Path, options: &Options, shard: Shard, console: &Console) -> Result<()> {
     let start = Instant::now();
     let done = train_shard(root, options, shard, console)?;
     let (stage, note) = match &done {
@@ -47,7 +47,7 @@ pub fn train(root: &Path, options: &Options, shard: Shard, console: &Console) ->
 }
 
 /// Prints the progress of the shards of a dataset's bundle.
-pub fn status(root: &Path, out: Option<PathBuf>, console: &Console) -> Result<()> {
+pub(crate) fn status(root: &Path, out: Option<PathBuf>, console: &Console) -> Result<()> {
     let bundle = match out {
         Some(out) => out,
         None => default_bundle(&Dataset::open_manifest(root)?),

@@ -7,7 +7,7 @@ use dataset::console::Console;
 use dataset::files::{expect_output, write_atomically};
 use serde_json::json;
 
-pub fn view(args: View, console: &Console) -> Result<()> {
+pub(crate) fn view(args: View, console: &Console) -> Result<()> {
     let View { input, bundle, out, scene, no_reference, force, serve: port } = args;
     let options = Options { bundle, scene, no_reference };
     let source = Source::open(&input, &options)?;

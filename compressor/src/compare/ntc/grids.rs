@@ -11,7 +11,7 @@ const POSITION: usize = 12;
 
 /// Where the grids of all tiles lie: first those of high resolution, then the others.
 #[derive(Clone, Debug)]
-pub struct Layout {
+pub(super) struct Layout {
     tiles: Vec<TileLayout>,
     features: [usize; 2],
     /// Parameters of all grids of high resolution, and of all.
@@ -51,7 +51,7 @@ fn around(x: usize, scale: usize, n: usize) -> ([usize; 2], f32) {
 
 impl Layout {
     /// Of the tiles of a run.
-    pub fn new(set: &TileSet, preset: &Preset) -> Self {
+    pub(super) fn new(set: &TileSet, preset: &Preset) -> Self {
         let scales = [preset.scale, 2 * preset.scale];
         let axis = |side: usize| -> Vec<Reading> {
             let reading = |x: usize| {
@@ -80,14 +80,14 @@ impl Layout {
     }
 
     /// Bits of all grids.
-    pub fn bits(&self, preset: &Preset) -> f64 {
+    pub(super) fn bits(&self, preset: &Preset) -> f64 {
         let counts = [self.high, self.len - self.high];
         counts.iter().zip(preset.bits).map(|(&count, bits)| count as f64 * f64::from(bits)).sum()
     }
 
     /// Reads a texel's inputs: four cells, the low-resolution grid, the position.
     #[inline(always)]
-    pub fn read(&self, grids: &[f32], tile: usize, texel: usize, out: &mut [f32; INPUTS]) {
+    pub(super) fn read(&self, grids: &[f32], tile: usize, texel: usize, out: &mut [f32; INPUTS]) {
         let [high, low] = self.features;
         self.cells(tile, texel, |i, cell| {
             out[i * high..(i + 1) * high].copy_from_slice(&grids[cell..cell + high]);
@@ -107,7 +107,7 @@ impl Layout {
 
     /// Adds a gradient of a texel's inputs to the grids'.
     #[inline(always)]
-    pub fn add(&self, gradient: &mut [f32], tile: usize, texel: usize, of_inputs: &[f32; INPUTS]) {
+    pub(super) fn add(&self, gradient: &mut [f32], tile: usize, texel: usize, of_inputs: &[f32; INPUTS]) {
         let [high, low] = self.features;
         self.cells(tile, texel, |i, cell| {
             let of = &of_inputs[i * high..(i + 1) * high];
@@ -144,28 +144,28 @@ impl Layout {
 
 /// A quantiser of B bits: N = 2ᴮ steps of 1/N, rounded to −(N/2 − 1) … N/2 of them.
 #[derive(Clone, Copy, Debug)]
-pub struct Quantiser {
+pub(super) struct Quantiser {
     steps: f32,
 }
 
 impl Quantiser {
     /// Of this many bits.
-    pub fn new(bits: u32) -> Self {
+    pub(super) fn new(bits: u32) -> Self {
         Quantiser { steps: (1u32 << bits) as f32 }
     }
 
     /// Where values are held while they are trained.
-    pub fn bounds(self) -> [f32; 2] {
+    pub(super) fn bounds(self) -> [f32; 2] {
         [-(self.steps - 1.0) / 2.0, self.steps / 2.0].map(|step| step / self.steps)
     }
 
     /// The value that is stored.
-    pub fn round(self, value: f32) -> f32 {
+    pub(super) fn round(self, value: f32) -> f32 {
         (value * self.steps).round().clamp(1.0 - self.steps / 2.0, self.steps / 2.0) / self.steps
     }
 
     /// A value with uniform noise of a step's width.
-    pub fn noisy(self, value: f32, random: &mut Random) -> f32 {
+    pub(super) fn noisy(self, value: f32, random: &mut Random) -> f32 {
         value + random.uniform(-0.5, 0.5) / self.steps
     }
 }

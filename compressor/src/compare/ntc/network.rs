@@ -7,15 +7,15 @@ use crate::train::random::Random;
 use bytemuck::{Pod, Zeroable};
 
 /// Inputs, with room to spare.
-pub const INPUTS: usize = 96;
-pub const HIDDEN: usize = 64;
+pub(super) const INPUTS: usize = 96;
+pub(super) const HIDDEN: usize = 64;
 /// Outputs: RGB of each frame, and a spare one.
-pub const OUTPUTS: usize = 16;
+pub(super) const OUTPUTS: usize = 16;
 
 /// W₁ b₁ W₂ b₂ W₃ b₃, a row of each matrix per input.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-pub struct Weights {
+pub(super) struct Weights {
     w1: [[f32; HIDDEN]; INPUTS],
     b1: [f32; HIDDEN],
     w2: [[f32; HIDDEN]; HIDDEN],
@@ -26,12 +26,12 @@ pub struct Weights {
 
 impl Weights {
     /// Zeros.
-    pub fn zeros() -> Box<Self> {
+    pub(super) fn zeros() -> Box<Self> {
         bytemuck::zeroed_box()
     }
 
     /// Uniform in ±√(6 ÷ inputs of the layer) (He et al. 2015), biases 0, outputs at one half.
-    pub fn initial(inputs: usize, random: &mut Random) -> Box<Self> {
+    pub(super) fn initial(inputs: usize, random: &mut Random) -> Box<Self> {
         let mut weights = Self::zeros();
         let mut fill = |rows: &mut [f32], inputs: usize| {
             let bound = (6.0 / inputs as f32).sqrt();
@@ -45,36 +45,36 @@ impl Weights {
     }
 
     /// How many a preset's decoder stores.
-    pub fn stored(preset: &Preset) -> usize {
+    pub(super) fn stored(preset: &Preset) -> usize {
         let inputs = preset.inputs();
         (inputs + 1) * HIDDEN + (HIDDEN + 1) * HIDDEN + (HIDDEN + 1) * 3 * SETS
     }
 
-    pub fn flat(&self) -> &[f32] {
+    pub(super) fn flat(&self) -> &[f32] {
         bytemuck::cast_slice(std::slice::from_ref(self))
     }
 
-    pub fn flat_mut(&mut self) -> &mut [f32] {
+    pub(super) fn flat_mut(&mut self) -> &mut [f32] {
         bytemuck::cast_slice_mut(std::slice::from_mut(self))
     }
 }
 
 impl Preset {
     /// Inputs of the network: four cells, the low-resolution grid, the position.
-    pub fn inputs(&self) -> usize {
+    pub(crate) fn inputs(&self) -> usize {
         4 * self.features[0] + self.features[1] + 12
     }
 }
 
 /// The matrices the other way round, for gradients.
-pub struct Transposed {
+pub(super) struct Transposed {
     w1: Box<[[f32; INPUTS]; HIDDEN]>,
     w2: Box<[[f32; HIDDEN]; HIDDEN]>,
     w3: Box<[[f32; HIDDEN]; OUTPUTS]>,
 }
 
 impl Transposed {
-    pub fn new(weights: &Weights) -> Self {
+    pub(super) fn new(weights: &Weights) -> Self {
         Transposed { w1: transposed(&weights.w1), w2: transposed(&weights.w2), w3: transposed(&weights.w3) }
     }
 }
@@ -88,7 +88,7 @@ fn transposed<const I: usize, const O: usize>(matrix: &[[f32; O]; I]) -> Box<[[f
 }
 
 /// Hidden values of a block, and slopes of their activations.
-pub struct Trace {
+pub(super) struct Trace {
     h1: Rows<HIDDEN>,
     slope1: Rows<HIDDEN>,
     h2: Rows<HIDDEN>,
@@ -96,7 +96,7 @@ pub struct Trace {
 }
 
 impl Trace {
-    pub fn new() -> Self {
+    pub(super) fn new() -> Self {
         Trace { h1: Rows::new(), slope1: Rows::new(), h2: Rows::new(), slope2: Rows::new() }
     }
 }
@@ -104,7 +104,7 @@ impl Trace {
 impl Weights {
     /// The outputs of a block of inputs.
     #[inline(always)]
-    pub fn forward<V: Lanes>(&self, x: &Rows<INPUTS>, trace: &mut Trace) -> Rows<OUTPUTS> {
+    pub(super) fn forward<V: Lanes>(&self, x: &Rows<INPUTS>, trace: &mut Trace) -> Rows<OUTPUTS> {
         let Trace { h1, slope1, h2, slope2 } = trace;
         product::<V, INPUTS, HIDDEN>(x, &self.w1, Some(&self.b1), To::Gelu(h1, slope1));
         product::<V, HIDDEN, HIDDEN>(h1, &self.w2, Some(&self.b2), To::Gelu(h2, slope2));
@@ -116,7 +116,7 @@ impl Weights {
 
 /// From ∂L/∂y: adds to the weights' gradient, and gives ∂L/∂x where it is wanted.
 #[inline(always)]
-pub fn backward<V: Lanes>(
+pub(super) fn backward<V: Lanes>(
     transposed: &Transposed,
     x: &Rows<INPUTS>,
     trace: &Trace,

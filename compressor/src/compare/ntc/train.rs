@@ -22,14 +22,14 @@ const FROZEN: f64 = 0.95;
 /// Adam's.
 const BETA: [f32; 2] = [0.9, 0.999];
 
-pub struct Trained {
+pub(super) struct Trained {
     grids: Vec<f32>,
     weights: Box<Weights>,
 }
 
 /// A texel of a tile, and its code values at the frames of the segment.
 #[derive(Clone, Debug)]
-pub struct Sample {
+pub(super) struct Sample {
     tile: u32,
     texel: u32,
     target: [f32; OUTPUTS],
@@ -122,7 +122,7 @@ impl Moved {
 }
 
 /// Trains the grids of all tiles and their network to some frames.
-pub fn train(
+pub(super) fn train(
     set: &TileSet,
     layout: &Layout,
     preset: &Preset,
@@ -231,7 +231,12 @@ impl Kernel for Decode<'_> {
 }
 
 /// Per tile, the light of a segment's frames.
-pub fn decode(set: &TileSet, layout: &Layout, trained: &Trained, frames: Range<usize>) -> Vec<Vec<Texels>> {
+pub(super) fn decode(
+    set: &TileSet,
+    layout: &Layout,
+    trained: &Trained,
+    frames: Range<usize>,
+) -> Vec<Vec<Texels>> {
     let tile = |t: usize| -> Vec<Texels> {
         let tile = &set.tiles[t];
         let outputs = run(Tier::detect(), Decode { layout, trained, tile: t, texels: tile.texels() });

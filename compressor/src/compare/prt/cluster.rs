@@ -25,7 +25,7 @@ impl Points {
     }
 
     /// The principal components of some of the points, at most `rank` of them.
-    pub fn subspace(&self, is_in: impl Fn(usize) -> bool, rank: usize) -> Subspace {
+    pub(super) fn subspace(&self, is_in: impl Fn(usize) -> bool, rank: usize) -> Subspace {
         let n = self.dimensions;
         let points = || self.iter().enumerate().filter(|(i, _)| is_in(*i)).map(|(_, point)| point);
         let number = points().count().max(1) as f64;
@@ -48,7 +48,7 @@ impl Points {
     }
 
     /// The points in so few dimensions that at most this share of their variance is lost.
-    pub fn reduced(&self, lost: f64) -> Points {
+    pub(super) fn reduced(&self, lost: f64) -> Points {
         let all = self.subspace(|_| true, self.dimensions);
         let total: f64 = all.variances.iter().sum();
         let mut left = total;
@@ -67,7 +67,7 @@ impl Points {
 
     /// This many clusters initially, or fewer if there is nothing to divide: the one that is met worst is cut
     /// across its first axis, again and again.
-    pub fn divided(&self, number: usize, rank: usize) -> Vec<usize> {
+    pub(super) fn divided(&self, number: usize, rank: usize) -> Vec<usize> {
         let mut of = vec![0; self.iter().count()];
         let whole = self.subspace(|_| true, rank);
         let missed = |of: &[usize], cluster: usize, space: &Subspace| -> f64 {
@@ -97,7 +97,7 @@ impl Points {
     }
 
     /// The subspaces of clusters, after some passes in which each point went to the nearest.
-    pub fn settled(&self, of: &mut [usize], rank: usize, passes: usize) -> Vec<Subspace> {
+    pub(super) fn settled(&self, of: &mut [usize], rank: usize, passes: usize) -> Vec<Subspace> {
         let number = of.iter().max().map_or(1, |last| last + 1);
         let fit = |of: &[usize]| -> Vec<Subspace> {
             (0..number).map(|cluster| self.subspace(|i| of[i] == cluster, rank)).collect()
@@ -125,7 +125,7 @@ impl Points {
     }
 
     /// The coordinates of all points, each along the axes of its own cluster.
-    pub fn coordinates<'a>(
+    pub(super) fn coordinates<'a>(
         &'a self,
         of: &'a [usize],
         spaces: &'a [Subspace],

@@ -58,7 +58,12 @@ pub(super) fn hours(dataset: &Dataset) -> Result<Vec<f64>> {
 }
 
 impl Lapse {
-    pub fn new(dataset: &Dataset, pages: &Pages, hours: Vec<f64>, progress: &dyn Meter) -> Result<Self> {
+    pub(super) fn new(
+        dataset: &Dataset,
+        pages: &Pages,
+        hours: Vec<f64>,
+        progress: &dyn Meter,
+    ) -> Result<Self> {
         let view = View::each(dataset, SIZE, 1)?.into_iter().next();
         let view = view.ok_or_else(|| {
             Error::invalid(dataset.root.display(), "no pixel of a small picture shows texels; omit --render")
@@ -88,7 +93,7 @@ impl Lapse {
     }
 
     /// A method by the light it has on all pages at an hour. `None` if there are no two times side by side.
-    pub fn line(
+    pub(super) fn line(
         &self,
         dataset: &Dataset,
         method: &str,

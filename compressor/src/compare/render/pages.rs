@@ -18,14 +18,14 @@ pub(super) struct Pages<'a> {
 }
 
 impl<'a> Pages<'a> {
-    pub fn new(dataset: &'a Dataset, set: &'a TileSet) -> Result<Self> {
+    pub(super) fn new(dataset: &'a Dataset, set: &'a TileSet) -> Result<Self> {
         let masks = dataset.masks()?;
         let fills = masks.iter().map(|mask| Fill::near(mask, RINGS)).collect();
         Ok(Pages { dataset, set, masks, fills })
     }
 
     /// The dataset's own light: of a frame, or at any hour.
-    pub fn of_dataset(&self, hour: f64, frame: Option<usize>) -> Result<Vec<Image>> {
+    pub(super) fn of_dataset(&self, hour: f64, frame: Option<usize>) -> Result<Vec<Image>> {
         let page = |page: usize| {
             let image = match frame {
                 Some(frame) => self.dataset.map(frame, page)?,
@@ -37,7 +37,7 @@ impl<'a> Pages<'a> {
     }
 
     /// Pages of tiles.
-    pub fn of_tiles(&self, tiles: &[Texels]) -> Vec<Image> {
+    pub(super) fn of_tiles(&self, tiles: &[Texels]) -> Vec<Image> {
         let mut images: Vec<Image> =
             self.masks.iter().map(|mask| Image::black(mask.width, mask.height)).collect();
         for (tile, texels) in self.set.tiles.iter().zip(tiles) {
@@ -54,7 +54,7 @@ impl<'a> Pages<'a> {
     }
 
     /// A page with what is close to surfaces as all have it.
-    pub fn filled(&self, page: usize, image: Image) -> Image {
+    pub(super) fn filled(&self, page: usize, image: Image) -> Image {
         Image { texels: self.fills[page].apply(&image.texels), ..image }
     }
 }

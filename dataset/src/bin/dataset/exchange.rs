@@ -12,13 +12,13 @@ use serde_json::json;
 use std::path::PathBuf;
 
 /// Reads the name of a layout.
-pub fn layout() -> impl TypedValueParser<Value = &'static dyn Layout> {
+pub(crate) fn layout() -> impl TypedValueParser<Value = &'static dyn Layout> {
     let names = LAYOUTS.iter().map(|layout| PossibleValue::new(layout.name()).help(layout.about()));
     PossibleValuesParser::new(names).map(|name| named(&name).expect("one of the names"))
 }
 
 #[derive(Args)]
-pub struct Import {
+pub(crate) struct Import {
     /// The folder to read, or a TOML file that names EXR files.
     #[arg(value_name = "FROM")]
     from: PathBuf,
@@ -40,7 +40,7 @@ pub struct Import {
 }
 
 #[derive(Args)]
-pub struct Export {
+pub(crate) struct Export {
     /// The dataset: the folder with config.json.
     #[arg(value_name = "DIR")]
     folder: PathBuf,
@@ -78,7 +78,7 @@ impl Import {
         }
     }
 
-    pub fn run(&self, console: &Console) -> Result<()> {
+    pub(crate) fn run(&self, console: &Console) -> Result<()> {
         let start = std::time::Instant::now();
         let config = import(&self.origin()?, &self.out, console)?;
         let source = config.source.as_ref();
@@ -135,7 +135,7 @@ fn spacing(hours: &[f64]) -> String {
 }
 
 impl Export {
-    pub fn run(&self, console: &Console) -> Result<()> {
+    pub(crate) fn run(&self, console: &Console) -> Result<()> {
         let start = std::time::Instant::now();
         let dataset = Dataset::open(&self.folder)?;
         let exported = export(&dataset, self.layout, &self.out, console)?;

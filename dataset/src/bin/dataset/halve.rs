@@ -10,7 +10,7 @@ use serde_json::json;
 use std::path::PathBuf;
 
 #[derive(Args)]
-pub struct Halve {
+pub(crate) struct Halve {
     /// The dataset: the folder with config.json.
     #[arg(value_name = "DIR")]
     folder: PathBuf,
@@ -20,7 +20,7 @@ pub struct Halve {
 }
 
 impl Halve {
-    pub fn run(&self, console: &Console) -> Result<()> {
+    pub(crate) fn run(&self, console: &Console) -> Result<()> {
         let start = std::time::Instant::now();
         let dataset = Dataset::open(&self.folder)?;
         let config = halve(&dataset, &self.out, console)?;

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 #[derive(Args)]
-pub struct Release {
+pub(crate) struct Release {
     /// The datasets: folders with config.json.
     #[arg(value_name = "DIR", required = true)]
     folders: Vec<PathBuf>,
@@ -29,7 +29,7 @@ pub struct Release {
 }
 
 impl Release {
-    pub fn run(&self, console: &Console) -> Result<()> {
+    pub(crate) fn run(&self, console: &Console) -> Result<()> {
         let start = std::time::Instant::now();
         let mut layouts: Vec<&dyn Layout> = Vec::new();
         for &layout in &self.layout {
@@ -56,7 +56,7 @@ impl Release {
 }
 
 /// `dataset verify` of a release folder.
-pub fn verify_release(console: &Console, folder: &Path) -> Result<ExitCode> {
+pub(crate) fn verify_release(console: &Console, folder: &Path) -> Result<ExitCode> {
     let start = std::time::Instant::now();
     let verified = verify(folder, console)?;
     for fault in &verified.faults {

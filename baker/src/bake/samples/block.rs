@@ -1,0 +1,172 @@
+//! What works on blocks of texels: the points of their samples. (Which points are surface: `probe`. What
+//! light they get: `direct`, `indirect`.)
+
+use crate::atlas::Atlas;
+use crate::bake::store::{ALL_PROBES, BlockState, PROBES};
+use crate::surface::{BlockSurface, FaceBins, SurfacePoint};
+use crate::trace::counts::{RayCounts, sum};
+use crate::trace::path::{Transport, point_pair};
+use crate::trace::sampler::{Sample, Sequence, SequenceKind};
+use crate::trace::space::Receiver;
+use glam::Vec2;
+use rayon::prelude::*;
+
+/// What a sequence of random numbers is for. Each comes in two halves, scrambled independently.
+#[derive(Clone, Copy, Debug)]
+pub enum Stream {
+    /// Indirect light.
+    Indirect = 0,
+    /// Direct light.
+    Direct = 2,
+    /// Points probed for being the texel's surface.
+    Probe = 4,
+    /// The paths the cache is solved on.
+    Solver = 6,
+    /// The reference texels are checked against.
+    Check = 8,
+    /// What bright surfaces are seen.
+    BrightSurfaces = 10,
+    /// Direct light that only decides how many samples it gets.
+    Pilot = 12,
+    /// How much of the sun is seen.
+    Visibility = 14,
+    /// What is seen from a cell.
+    VisibleCells = 16,
+}
+
+/// What blocks are worked on with.
+pub struct Worker<'a> {
+    /// Light and geometry.
+    pub transport: Transport<'a>,
+    /// Where texels lie.
+    pub atlas: &'a Atlas,
+    /// The faces of each block.
+    pub bins: &'a FaceBins,
+    /// Seed of all randomness.
+    pub seed: u64,
+    /// Least samples of indirect light per texel: all, or towards a target or under a time limit those of the
+    /// first round. The work before the rounds is scaled by it.
+    pub guaranteed_samples: u32,
+}
+
+impl Worker<'_> {
+    /// The blocks that hold surface.
+    pub fn blocks(&self) -> Vec<usize> {
+        self.bins.occupied()
+    }
+
+    /// The surface of a block.
+    pub fn surface(&self, block: usize) -> BlockSurface {
+        BlockSurface::new(self.atlas, self.bins, block)
+    }
+
+    /// A texel's samples for one purpose and half. `texel` counts within the block, row by row.
+    pub fn sequence(&self, surface: &BlockSurface, texel: usize, stream: Stream, half: usize) -> Sequence {
+        let index = surface.page_index(self.atlas, texel);
+        Sequence::new(self.seed, SequenceKind::Texel, index as u32, stream as u32 + half as u32)
+    }
+
+    /// The point of a sample. Where only some of the texel's probed points are its surface (`probes` says
+    /// which), it lies around one of those: in the sixteenth of the texel that the probed point stands for,
+    /// as far as it is seen from there.
+    pub fn receiver(
+        &self,
+        surface: &BlockSurface,
+        texel: usize,
+        sample: Sample,
+        probes: u16,
+        counts: &mut RayCounts,
+    ) -> Option<Receiver> {
+        if probes == ALL_PROBES {
+            return self.any_point(surface, texel, sample);
+        }
+        // The k-th set bit; what is left of the number chooses the place around it.
+        let u = point_pair(sample);
+        let k = u.x * probes.count_ones() as f32;
+        let probe = indices(probes).nth(k as usize)?;
+        let probed = Self::probed(probe);
+        // (The 16 points of a (0, 2)-sequence lie one in each square of a 4 × 4 grid.)
+        let square = (probed * 4.0).floor();
+        let around = ((square + Vec2::new(k.fract(), u.y)) / 4.0).min(Vec2::splat(1.0 - f32::EPSILON));
+        let known = self.transport.space.receiver(&surface.sample(self.atlas, texel, probed))?;
+        let at = self.transport.space.receiver(&surface.sample(self.atlas, texel, around));
+        Some(at.filter(|at| self.transport.space.sees(&known, at, counts)).unwrap_or(known))
+    }
+
+    /// The point of a sample, be it inside a solid.
+    pub fn any_point(&self, surface: &BlockSurface, texel: usize, sample: Sample) -> Option<Receiver> {
+        self.transport.space.receiver(&surface.sample(self.atlas, texel, point_pair(sample)))
+    }
+
+    /// Whether points of a texel that are not its surface lie outside solids all the same: on the other side
+    /// of a wall.
+    pub fn is_split(
+        &self,
+        surface: &BlockSurface,
+        texel: usize,
+        probes: u16,
+        counts: &mut RayCounts,
+    ) -> bool {
+        indices(!probes).any(|probe| {
+            let at = self.transport.space.receiver(&self.probe_point(surface, texel, probe));
+            at.is_some_and(|at| !self.transport.space.is_inside(&at, counts))
+        })
+    }
+
+    /// A few of the probed points that are a texel's surface.
+    pub fn surface_points(&self, surface: &BlockSurface, texel: usize, probes: u16) -> Vec<Receiver> {
+        const MOST: u32 = 4;
+        let some = indices(probes).step_by(probes.count_ones().div_ceil(MOST).max(1) as usize);
+        some.filter_map(|probe| self.transport.space.receiver(&self.probe_point(surface, texel, probe)))
+            .collect()
+    }
+
+    /// One of the probed points that are a texel's surface.
+    pub fn surface_point(&self, surface: &BlockSurface, texel: usize, probes: u16) -> Option<Receiver> {
+        let at = |probe| self.transport.space.receiver(&self.probe_point(surface, texel, probe));
+        indices(probes).find_map(at)
+    }
+
+    /// Per covered texel, whether its surface is closed in by two-sided bodies: all of a few points are. What
+    /// is not usable is not.
+    pub fn closed_in(
+        &self,
+        surface: &BlockSurface,
+        covered: &[usize],
+        state: &BlockState,
+        counts: &mut RayCounts,
+    ) -> Vec<bool> {
+        if !self.transport.space.geometry.materials.iter().any(|material| material.two_sided) {
+            return vec![false; covered.len()];
+        }
+        let of = |(i, &texel): (usize, &usize)| {
+            let mut counts = RayCounts::default();
+            let points = self.surface_points(surface, texel, state.probes[i]);
+            let is_closed_in = state.is_usable(i)
+                && !points.is_empty()
+                && points.iter().all(|at| self.transport.space.is_closed_in(at, &mut counts));
+            (is_closed_in, counts)
+        };
+        let found: Vec<(bool, RayCounts)> = covered.par_iter().enumerate().with_min_len(64).map(of).collect();
+        *counts += sum(found.iter().map(|(_, counts)| *counts));
+        found.into_iter().map(|(is_closed_in, _)| is_closed_in).collect()
+    }
+
+    /// The point of a texel's surface that is probed under a number.
+    pub fn probe_point(&self, surface: &BlockSurface, texel: usize, probe: u32) -> SurfacePoint {
+        surface.sample(self.atlas, texel, Self::probed(probe))
+    }
+
+    /// Where a texel is probed: at the same places in all, whatever the seed. A wall that stands along a row
+    /// of texels then leaves them all the same side, not one or the other by chance.
+    fn probed(probe: u32) -> Vec2 {
+        // A sequence that stands well apart and has a point near every corner.
+        const SPREAD: u32 = 239;
+        point_pair(Sequence::new(0, SequenceKind::Texel, SPREAD, Stream::Probe as u32).sample(probe))
+    }
+}
+
+/// The probed points whose bits are set.
+pub(crate) fn indices(probes: u16) -> impl Iterator<Item = u32> {
+    (0..PROBES).filter(move |&probe| probes >> probe & 1 == 1)
+}
