@@ -39,6 +39,8 @@ fn link_embree() {
         println!("cargo:rustc-link-arg=-Wl,-rpath,{}", folder.display());
         // The library's own dependencies lie beside it and are found when it is loaded.
         println!("cargo:rustc-link-arg=-Wl,--allow-shlib-undefined");
+        // For the command, a package of its own: what links it needs the same.
+        println!("cargo::metadata=EMBREE={}", folder.display());
     }
     println!("cargo:rustc-link-lib=dylib=embree4");
 }

@@ -1,7 +1,7 @@
 //! Bakes a scene file: `cargo run --release -p baker --example 1_bake -- scenes/yard.toml /data/yard`.
 
 use baker::bake::run::{Options, Preset, bake};
-use baker::light::schedule::parse_hours;
+use baker::light::times::schedule::parse_hours;
 use dataset::observe::{Message, Meter, Observer, Silent};
 use dataset::store::Dataset;
 

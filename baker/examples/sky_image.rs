@@ -7,8 +7,9 @@
 //! little-endian f32 RGB, rows from the zenith down, 2·HEIGHT columns; column c looks along φ = 2π (c + ½) /
 //! columns − π, that is (cos φ, sin φ) in (x, z) at the horizon. (So Blender reads it.)
 
-use baker::light::sky::SkyTable;
-use baker::light::{ground, schedule, sun};
+use baker::light::daylight::SkyTable;
+use baker::light::daylight::{ground, sun};
+use baker::light::times::schedule;
 use baker::scene;
 use glam::Vec3;
 use serde_json::json;

@@ -4,6 +4,8 @@
 //! Space: metres, right-handed, +Y up. With `north = 0`, north is −Z and east is +X.
 //! Unit: linear Rec. 709 whose luminance is in kilolux (irradiance) or kcd/m² (radiance).
 
+#![warn(unreachable_pub)]
+
 mod text;
 pub mod scene;
 pub mod geometry;

@@ -305,7 +305,7 @@ fn clip(triangle: &[DVec2; 3], corner: DVec2) -> Polygon {
 mod tests {
     use super::*;
     use crate::atlas::Face;
-    use crate::trace::sampler::{Sequence, SequenceKind};
+    use crate::trace::paths::{Sequence, SequenceKind};
     use glam::vec2;
 
     fn atlas(width: u32, height: u32, corners: &[[Vec2; 3]]) -> Atlas {

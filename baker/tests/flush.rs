@@ -10,12 +10,12 @@
 mod common;
 
 use baker::bake::run::{Denoise, Options, bake};
-use baker::light::schedule::parse_hours;
-use baker::trace::backend::Backend;
+use baker::light::times::schedule::parse_hours;
+use baker::trace::rays::Backend;
 use common::mesh::{Obj, gltf};
 use common::texels::Texel;
 use common::{Stage, green, texels};
-use dataset::console::Console;
+use dataset::observe::Silent;
 use dataset::store::Dataset;
 use glam::{DVec3, dvec3};
 use serde_json::{Value, json};
@@ -117,7 +117,7 @@ fn floor_of(stage: &Stage, backend: Backend, samples: u32, scene: &str) -> (Data
         force: true,
         ..Options::new(parse_hours("12").expect("hours"))
     };
-    bake(&stage.path("case.toml"), &options, &Console::silent()).unwrap_or_else(|error| panic!("{error}"));
+    bake(&stage.path("case.toml"), &options, &Silent).unwrap_or_else(|error| panic!("{error}"));
     let dataset = Dataset::open(&out).expect("a dataset");
     let mask = dataset.mask(0).expect("a mask");
     let floor =
@@ -216,7 +216,7 @@ fn room(height: f64, placement: Placement, backend: Backend) {
     assert_eq!(groups.len(), 9);
     for (index, g) in groups.iter().enumerate() {
         let image =
-            dataset.light(dataset::config::Light::Group, Some(index as u32), 0, 0).expect("its light");
+            dataset.light(dataset::format::Light::Group, Some(index as u32), 0, 0).expect("its light");
         let (mut light, mut expected) = (0.0, 0.0);
         for texel in &floor {
             let (found, right) = (green(&image, texel), texel.average(|p| group(&g.name, p - placement.at)));

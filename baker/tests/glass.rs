@@ -2,19 +2,19 @@
 
 use baker::Rgb;
 use baker::geometry::{Emission, Geometry, Glass, Material, Solids, Texture, Wrap};
-use baker::light::group::{GroupSampler, emitters};
-use baker::light::sky::SkyTable;
-use baker::light::sky_sampler::SkySampler;
-use baker::light::sun::SunDisc;
+use baker::light::daylight::SkySampler;
+use baker::light::daylight::SkyTable;
+use baker::light::daylight::SunDisc;
+use baker::light::lamps::group::{GroupSampler, emitters};
 use baker::scene::{Lamp, Portal, Scene, Sky};
 use baker::surface::SurfacePoint;
-use baker::trace::backend::Backend;
 use baker::trace::counts::RayCounts;
-use baker::trace::lights::{GroupLight, Lights, SunLight};
-use baker::trace::path::{Transport, sun_sample};
-use baker::trace::ray_tracer::RayTracer;
-use baker::trace::sampler::{Sequence, SequenceKind};
-use baker::trace::space::Space;
+use baker::trace::paths::path::{Transport, sun_sample};
+use baker::trace::paths::{Sequence, SequenceKind};
+use baker::trace::rays::Backend;
+use baker::trace::rays::RayTracer;
+use baker::trace::solids::Space;
+use baker::trace::sources::{GroupLight, Lights, SunLight};
 use glam::{DVec3, Vec2, Vec3, dvec3, vec3};
 use std::f32::consts::PI;
 
@@ -427,7 +427,7 @@ fn a_pane_is_one_pane_where_its_triangles_meet() {
                     "{u} {v} {along} {direction}"
                 );
                 let first = rays.nearest(from, direction, u32::MAX).expect("the pane");
-                let mut passed = baker::trace::ray_tracer::PassedGlass::default();
+                let mut passed = baker::trace::rays::PassedGlass::default();
                 passed.add(&first);
                 assert!(
                     rays.nearest_behind(from, direction, u32::MAX, &passed).is_none_or(|hit| hit.t > 5.0)

@@ -6,10 +6,10 @@ mod common;
 
 use baker::bake::forecast::warnings;
 use baker::bake::run::{Options, prepare};
-use baker::light::schedule::parse_hours;
+use baker::light::times::schedule::parse_hours;
 use common::Stage;
 use common::mesh::Obj;
-use dataset::console::Console;
+use dataset::observe::Silent;
 use glam::{DVec3, dvec3};
 
 const PAGE: &str = "[lightmap]\nsize = 16\n";
@@ -25,7 +25,7 @@ fn room() -> Stage {
 fn mistakes(stage: &Stage, scene: &str) -> Vec<String> {
     stage.write("case.toml", scene.as_bytes());
     let options = Options::new(parse_hours("12").unwrap());
-    let prepared = prepare(&stage.path("case.toml"), &options, &Console::silent()).unwrap();
+    let prepared = prepare(&stage.path("case.toml"), &options, &Silent).unwrap();
     let (atlas, _) = prepared.atlas().unwrap();
     warnings(&prepared, atlas.texels_per_metre).unwrap()
 }

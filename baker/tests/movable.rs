@@ -8,12 +8,12 @@ mod common;
 use baker::bake::finish::to_glb;
 use baker::bake::run::{Options, prepare};
 use baker::geometry;
-use baker::light::schedule::parse_hours;
+use baker::light::times::schedule::parse_hours;
 use baker::scene;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use common::{Stage, mean};
-use dataset::console::Console;
+use dataset::observe::Silent;
 use serde_json::{Value, json};
 use std::f64::consts::PI;
 use std::path::Path;
@@ -271,7 +271,7 @@ fn figure() -> Value {
 fn geometry_file(stage: &Stage, text: &str) -> (Value, Vec<u8>) {
     stage.write("figure.toml", text.as_bytes());
     let options = Options::new(parse_hours("12").unwrap());
-    let prepared = prepare(&stage.path("figure.toml"), &options, &Console::silent()).unwrap();
+    let prepared = prepare(&stage.path("figure.toml"), &options, &Silent).unwrap();
     let (atlas, _) = prepared.atlas().unwrap();
     let glb = to_glb(&prepared.geometry, &atlas).unwrap().glb;
     let length = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;

@@ -10,7 +10,7 @@
 
 use compressor::sunlight::Sunlight;
 use compressor::sunlight::words::{Brick, Costs, LEVELS, SAMPLES, Search, TEXELS, doubled_costs};
-use dataset::console::Console;
+use dataset::observe::Silent;
 use dataset::store::Dataset;
 use ndgi::sun::{Coder, ENTRIES, STEPS, SunDecoder, Word};
 use rayon::prelude::*;
@@ -73,7 +73,7 @@ fn items(root: &Path, random: &mut Random) -> Result<Vec<Item>, Box<dyn std::err
     let masks =
         (0..dataset.config.pages.len()).map(|page| dataset.mask(page)).collect::<Result<Vec<_>, _>>()?;
     let sunlight = Sunlight::new(&dataset, true)?.ok_or("the sun lights nothing there")?;
-    let console = Console::silent();
+    let console = Silent;
     let sun = sunlight.coded(&masks, &console)?;
     let (coder, decoder) = (Coder::new(&sun.tables), SunDecoder::new(&sun));
     let tiles = sunlight.each_tile("blocks", &masks, &console, |band, column, seen| {

@@ -28,7 +28,9 @@ pub(crate) use tiles::{of_tile, seed};
 
 use crate::bundle::{self, Header};
 use crate::{Error, Result, of_bundle};
-use dataset::files::{create_folders, expect_nameable, expect_writable, sync_folder_of, write_atomically};
+use dataset::host::files::{
+    create_folders, expect_nameable, expect_writable, sync_folder_of, write_atomically,
+};
 use dataset::observe::{Observer, count};
 use dataset::store::Dataset;
 use existing::is_alike;
@@ -44,7 +46,7 @@ pub fn default_bundle(dataset: &Dataset) -> PathBuf {
     dataset.root.join(format!("{}.ndgi", dataset.config.scene))
 }
 
-/// The digest of the light that a bundle was made from ([`dataset::config::Config::digest_of_light`]), if the
+/// The digest of the light that a bundle was made from ([`dataset::format::Config::digest_of_light`]), if the
 /// bundle has it.
 pub fn light_of(header: &Header) -> Option<String> {
     info(header)["inputs"].as_str().map(str::to_owned)
@@ -204,7 +206,7 @@ pub(crate) fn program() -> &'static str {
             Ok(hasher.finalize().to_hex()[..16].to_owned())
         };
         // A program that cannot be read trusts no tiles but its own.
-        path().and_then(digest).unwrap_or_else(|_| format!("{:?}", dataset::process::Process::this()))
+        path().and_then(digest).unwrap_or_else(|_| format!("{:?}", dataset::host::Process::this()))
     });
     &PROGRAM
 }

@@ -1,7 +1,7 @@
 //! Quality of a bundle against its dataset by the paper's protocol.
 //!
 //! Every frame is decoded at its hour and compared on 128×128 tiles from texel (0, 0) of each page (not the
-//! bundle's, which own 126×126), valid texels only, linear RGB ([`dataset::metrics`]). A *sample* is one
+//! bundle's, which own 126×126), valid texels only, linear RGB ([`dataset::pictures::metrics`]). A *sample* is one
 //! (tile, frame). A tile without a valid texel is not a sample; samples that are all zero are counted
 //! separately; samples with a constant reference have no dynamic range and are evaluated separately, by
 //! relative error.
@@ -32,13 +32,13 @@ use crate::decode::{Decoder, Lights};
 use crate::law::Law;
 use crate::mean::mean;
 use crate::{Error, Result, printable};
-use dataset::config::Noise;
+use dataset::format::Noise;
+use dataset::format::TILE;
+use dataset::host::signals::stop_if_interrupted;
 use dataset::image::{Image, Mask};
-use dataset::metrics::{self, Brightnesses, TileQuality};
 use dataset::observe::{Meter, Observer};
-use dataset::signals::stop_if_interrupted;
+use dataset::pictures::{Brightnesses, TileQuality, metrics};
 use dataset::store::Dataset;
-use dataset::tiles::TILE;
 use seams::Seams;
 use std::ops::Range;
 

@@ -9,14 +9,14 @@ use crate::decode::Decoder;
 use crate::evaluate::{Measures, evaluate};
 use crate::model::PAYLOAD;
 use crate::{Result, of_bundle};
-use commands::report::Section;
-use dataset::config::Page;
-use dataset::files::remove_folder;
+use dataset::format::Page;
 use dataset::halve::{halve, open};
-use dataset::lock::{LOCK, lock};
+use dataset::host::files::remove_folder;
+use dataset::host::lock::{LOCK, lock};
 use dataset::observe::Observer;
 use dataset::store::Dataset;
 use ndgi::Bundle;
+use reports::Section;
 use serde::Serialize;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -188,8 +188,8 @@ pub fn section(levels: &[Level]) -> Section {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dataset::config::FileRef;
     use dataset::digest::Digest;
+    use dataset::format::FileRef;
     use std::time::Duration;
 
     fn pages(sizes: &[[u32; 2]]) -> Vec<Page> {

@@ -5,6 +5,8 @@
 //! separate crate, [`ndgi`], whose modules are re-exported here. Of the modules below, `evaluate` needs only
 //! `mean`.
 
+#![warn(unreachable_pub)]
+
 pub use ndgi::{bc7, bundle, decode, grid, lanes, model, sun, time};
 
 mod printable;

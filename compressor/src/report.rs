@@ -9,12 +9,12 @@ use crate::compress::{Outcome, TileOutcome};
 use crate::decode::{Decoder, Lights};
 use crate::evaluate::{COLUMNS, Evaluation, cell, decode, read, reference_law, strips, valid};
 use crate::mean::mean;
-use commands::report::Section;
-use commands::report::plot::Plot;
-use commands::report::scene::shown_frames;
 use dataset::image::Image;
-use dataset::preview::{Reduction, exposure, tone_mapped_png};
+use dataset::pictures::preview::{Reduction, exposure, tone_mapped_png};
 use dataset::store::Dataset;
+use reports::Section;
+use reports::plot::Plot;
+use reports::scene::shown_frames;
 use std::collections::BTreeMap;
 
 /// A page of at most this many texels is decoded whole for a picture.

@@ -1,13 +1,13 @@
-//! The whole command: compress, read the written bundle back, evaluate and report it.
+//! What both commands do: compress, read the written bundle back, evaluate and report it.
 
 use crate::compress::{Options, Outcome, Rate, compress};
 use crate::decode::Decoder;
 use crate::evaluate::{Evaluation, Measures, evaluate};
 use crate::report;
 use crate::{Result, of_bundle};
-use commands::report::Section;
-use dataset::console::Console;
+use dataset::observe::Observer;
 use dataset::store::Dataset;
+use reports::Section;
 use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
@@ -19,6 +19,8 @@ pub struct Judged {
     pub outcome: Outcome,
     /// How the written bundle compares with the dataset.
     pub evaluation: Evaluation,
+    /// The quality table and its remarks, line by line.
+    pub table: Vec<String>,
     /// What the report shows first: the scene and a summary.
     pub lead: Section,
     /// The report's sections, in order.
@@ -27,33 +29,29 @@ pub struct Judged {
     pub seconds: f64,
 }
 
-/// Compresses the dataset in `root`, decodes the written bundle, evaluates it and prints the quality table.
+/// Compresses the dataset in `root`, decodes the written bundle, and evaluates it.
 ///
 /// # Errors
 /// As [`compress`] and [`evaluate`].
-pub fn compress_and_judge(root: &Path, options: &Options, console: &Console) -> Result<Judged> {
+pub fn compress_and_judge(root: &Path, options: &Options, observer: &dyn Observer) -> Result<Judged> {
     let start = Instant::now();
-    let outcome = compress(root, options, console)?;
+    let outcome = compress(root, options, observer)?;
     if outcome.up_to_date {
         let path = outcome.bundle.display();
-        console.say(format!("{path} is up to date (--force retrains it)"));
+        observer.say(format!("{path} is up to date (--force retrains it)"));
     }
     let dataset = Dataset::open(root)?;
     let decoder = Decoder::open(&outcome.bundle).map_err(of_bundle)?;
-    let evaluation = evaluate(&dataset, &decoder, Measures::default(), console)?;
+    let evaluation = evaluate(&dataset, &decoder, Measures::default(), observer)?;
     let mut remarks: Vec<String> =
         quantisation(&outcome).into_iter().chain(steps(options, &outcome)).collect();
     let missed = missed(options.rate, &evaluation);
     match &missed {
-        Some((what, true)) => console.warn(what),
+        Some((what, true)) => observer.warn(what),
         Some((what, false)) => remarks.push(what.clone()),
         None => {}
     }
-    // The table is additional: --quiet omits it.
-    if !console.quiet {
-        print(&evaluation, console);
-        remarks.iter().for_each(|what| console.print(what));
-    }
+    let table = evaluation.lines().into_iter().chain(remarks.iter().cloned()).collect();
     let missed = missed.filter(|(_, is_far)| *is_far).map(|(what, _)| what);
     let (lead, shows_scene) = report::lead(&dataset, &decoder, &outcome, &evaluation, missed.as_deref())?;
     remarks.extend(missed);
@@ -65,7 +63,7 @@ pub fn compress_and_judge(root: &Path, options: &Options, console: &Console) -> 
         report::training(&outcome).folded(),
         report::omitted(&outcome, evaluation.sun_is_omitted).folded(),
     ];
-    Ok(Judged { outcome, evaluation, lead, sections, seconds: start.elapsed().as_secs_f64() })
+    Ok(Judged { outcome, evaluation, table, lead, sections, seconds: start.elapsed().as_secs_f64() })
 }
 
 /// What quantisation cost.
@@ -123,13 +121,6 @@ fn missed(rate: Rate, evaluation: &Evaluation) -> Option<(String, bool)> {
             Some((what, true))
         }
         _ => None,
-    }
-}
-
-/// Prints the quality table and its remarks.
-pub fn print(evaluation: &Evaluation, console: &Console) {
-    for line in evaluation.table().into_iter().chain(evaluation.remarks()) {
-        console.print(line);
     }
 }
 

@@ -14,13 +14,13 @@ pub use moving::Seen;
 use crate::Result;
 use crate::grid::{Grid, Place};
 use crate::tile::{self, Band, Coverage, GUTTER};
-use dataset::config::Layer;
-use dataset::curve::kept;
+use dataset::format::Layer;
+use dataset::format::curve::kept;
+use dataset::format::{Between, Planes, Visibility};
+use dataset::host::signals::stop_if_interrupted;
 use dataset::image::Mask;
 use dataset::observe::Observer;
-use dataset::signals::stop_if_interrupted;
 use dataset::store::Dataset;
-use dataset::visibility::{Between, Planes, Visibility};
 use ndgi::bundle::Section;
 use ndgi::sun::{Coder, Counts, Shadows, Sun, SunDecoder, SunPath, Tables, TileSun};
 use rayon::prelude::*;
@@ -263,7 +263,7 @@ pub struct SunBand {
     nearest: Vec<Option<usize>>,
     coverage: Vec<Coverage>,
     /// The dataset's own.
-    path: dataset::sun::SunPath,
+    path: dataset::format::SunPath,
 }
 
 impl SunBand {
@@ -343,7 +343,7 @@ impl SunBand {
 
 /// Adds times to those of the frames: where the sun rises and sets, and between any two that are more than
 /// [`APART`] hours from each other.
-fn add_times(times: &mut Vec<(f64, Option<usize>)>, path: &dataset::sun::SunPath) {
+fn add_times(times: &mut Vec<(f64, Option<usize>)>, path: &dataset::format::SunPath) {
     let is_up = |i: &usize| path.irradiance[*i] != [0.0; 3];
     let ends = [(0..path.hours.len()).find(is_up), (0..path.hours.len()).rfind(is_up)];
     for (end, hour) in ends.into_iter().flatten().map(|i| path.hours[i]).enumerate() {
@@ -406,7 +406,7 @@ fn seen(visibility: &Visibility, rows: &Range<usize>, times: &[f64]) -> Result<(
 }
 
 /// As few of the path's times as hold it.
-fn thinned(path: &dataset::sun::SunPath) -> SunPath {
+fn thinned(path: &dataset::format::SunPath) -> SunPath {
     let values = |i: usize| {
         let (direction, light) = (path.direction[i], path.irradiance[i]);
         [direction[0], direction[1], direction[2], light[0], light[1], light[2]]

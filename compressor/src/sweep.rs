@@ -13,15 +13,15 @@ use crate::tile::{Band, Coverage, TileSource, valid_texels};
 use crate::time::Timeline;
 use crate::train::{Aim, Recipe, TrainedTile, train};
 use crate::{Error, Result, of_bundle};
-use commands::report::Section;
-use commands::report::plot::Plot;
+use dataset::format::Rect;
+use dataset::host::signals::stop_if_interrupted;
 use dataset::image::{Image, Mask};
-use dataset::metrics;
 use dataset::observe::Observer;
-use dataset::signals::stop_if_interrupted;
+use dataset::pictures::metrics;
 use dataset::store::Dataset;
-use dataset::tiles::Rect;
 use rayon::prelude::*;
+use reports::Section;
+use reports::plot::Plot;
 use serde::Serialize;
 
 /// Options of a sweep.

@@ -11,7 +11,7 @@ pub use source::{Options, Source};
 use crate::{Error, Result};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use dataset::files::write_atomically;
+use dataset::host::files::write_atomically;
 use dataset::store::MANIFEST;
 use serde_json::{Value, json};
 use std::fs::File;

@@ -7,7 +7,7 @@ use common::{Scene, difference, image, islands, python, read};
 use compressor::compress::{Options, Rate, compress};
 use compressor::decode::Decoder;
 use compressor::model::{BORDER, PROFILES};
-use dataset::console::Console;
+use dataset::observe::Silent;
 use std::fs;
 
 #[test]
@@ -22,7 +22,7 @@ fn a_reader_written_from_the_document_agrees_with_the_decoder() {
         scene.write(folder.path());
         let bundle = folder.path().join("isles.ndgi");
         let options = Options { rate, iterations: 60, out: Some(bundle.clone()), ..Options::default() };
-        compress(folder.path(), &options, &Console::silent()).unwrap();
+        compress(folder.path(), &options, &Silent).unwrap();
         let decoder = Decoder::open(&bundle).unwrap();
         // Frames; between frames; on both sides of both switches and close to them; around midnight; another
         // day.
@@ -56,7 +56,7 @@ fn the_reader_refuses_what_is_damaged() {
     islands().write(folder.path());
     let bundle = folder.path().join("isles.ndgi");
     let options = Options { iterations: 20, out: Some(bundle.clone()), ..Options::default() };
-    compress(folder.path(), &options, &Console::silent()).unwrap();
+    compress(folder.path(), &options, &Silent).unwrap();
     let whole = fs::read(&bundle).unwrap();
     let header = u32::from_le_bytes(whole[12..16].try_into().unwrap()) as usize;
     let flipped = |at: usize| {

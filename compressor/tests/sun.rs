@@ -9,8 +9,7 @@ use compressor::bundle::Bundle;
 use compressor::compress::{DRAFT, Options, Rate, Shard, Sharded, compress, train_shard};
 use compressor::decode::{Decoder, Lights};
 use compressor::evaluate::{Measures, evaluate};
-use dataset::config::Light;
-use dataset::console::Console;
+use dataset::format::Light;
 use dataset::observe::Silent;
 use dataset::store::{Dataset, Writer};
 use std::fs;
@@ -30,7 +29,7 @@ fn the_sun_goes_through_the_bundle_and_back() {
         let faults = dataset.verify(|| ()).faults;
         assert!(faults.is_empty(), "{faults:?}");
         let out = folder.path().join("court.ndgi");
-        compress(&root, &options(&out), &Console::silent()).unwrap();
+        compress(&root, &options(&out), &Silent).unwrap();
         let decoder = Decoder::open(&out).unwrap();
         let header = &decoder.bundle().header;
         let sun = header.sun.as_ref().unwrap();
@@ -100,7 +99,7 @@ fn the_sun_goes_through_the_bundle_and_back() {
         }
 
         // What is evaluated: all light, what maps hold, and both are good.
-        let evaluation = evaluate(&dataset, &decoder, Measures::default(), &Console::silent()).unwrap();
+        let evaluation = evaluate(&dataset, &decoder, Measures::default(), &Silent).unwrap();
         let baked = evaluation.without_sun.unwrap();
         assert!(baked.psnr_db.unwrap() > 40.0, "{baked:?}");
         assert!(evaluation.sunny.unwrap().psnr_pooled_db.unwrap() > 30.0, "{:?}", evaluation.sunny);
@@ -109,10 +108,10 @@ fn the_sun_goes_through_the_bundle_and_back() {
         let shadows = evaluation.shadows.unwrap();
         assert!(shadows.worst_db < shadows.mean_db && evaluation.bytes_of_shadows > 0, "{shadows:?}");
         let still = folder.path().join("still.ndgi");
-        compress(&root, &Options { still_shadows: true, ..options(&still) }, &Console::silent()).unwrap();
+        compress(&root, &Options { still_shadows: true, ..options(&still) }, &Silent).unwrap();
         let still = Decoder::open(&still).unwrap();
         assert!(!still.bundle().header.shadows);
-        let faded = evaluate(&dataset, &still, Measures::default(), &Console::silent()).unwrap();
+        let faded = evaluate(&dataset, &still, Measures::default(), &Silent).unwrap();
         let of_faded = faded.shadows.unwrap();
         assert!(faded.bytes_of_shadows == 0 && (8.0..30.0).contains(&of_faded.pooled_db), "{of_faded:?}");
         assert!(shadows.pooled_db > of_faded.pooled_db + 3.0, "{shadows:?} {of_faded:?}");
@@ -261,12 +260,12 @@ fn a_bundle_of_all_light_is_evaluated_as_one() {
     config.visibility = None;
     Writer::create(&plain).unwrap().commit(&config).unwrap();
     let out = folder.path().join("plain.ndgi");
-    compress(&plain, &options(&out), &Console::silent()).unwrap();
+    compress(&plain, &options(&out), &Silent).unwrap();
     // Its layers still tell of the sun's direct light, so it can be omitted.
     let omitted = folder.path().join("left-out.ndgi");
-    compress(&plain, &Options { without_sun: true, ..options(&omitted) }, &Console::silent()).unwrap();
+    compress(&plain, &Options { without_sun: true, ..options(&omitted) }, &Silent).unwrap();
     let apart = folder.path().join("apart.ndgi");
-    compress(&root, &Options { without_sun: true, ..options(&apart) }, &Console::silent()).unwrap();
+    compress(&root, &Options { without_sun: true, ..options(&apart) }, &Silent).unwrap();
     let [omitted, apart] = [omitted, apart].map(|path| Bundle::open(&path).unwrap());
     for place in apart.header.places() {
         assert_eq!(omitted.tile(place).unwrap(), apart.tile(place).unwrap());
@@ -278,12 +277,11 @@ fn a_bundle_of_all_light_is_evaluated_as_one() {
     write(&summed, moving);
     Writer::create(&summed).unwrap().commit(&config).unwrap();
     let refused = Options { without_sun: true, ..options(&folder.path().join("summed.ndgi")) };
-    let error = compress(&summed, &refused, &Console::silent()).unwrap_err().to_string();
+    let error = compress(&summed, &refused, &Silent).unwrap_err().to_string();
     assert!(error.contains("cannot be omitted"), "{error}");
     let decoder = Decoder::open(&out).unwrap();
     assert!(decoder.bundle().header.sun.is_none());
-    let judged =
-        |dataset: &Dataset| evaluate(dataset, &decoder, Measures::default(), &Console::silent()).unwrap();
+    let judged = |dataset: &Dataset| evaluate(dataset, &decoder, Measures::default(), &Silent).unwrap();
     let (a, b) = (judged(&with), judged(&Dataset::open(&plain).unwrap()));
     assert_eq!((a.all, a.between), (b.all, b.between));
     assert!(a.without_sun.is_none() && a.between.unwrap().median_db > 15.0, "{:?}", a.between);
@@ -296,7 +294,7 @@ fn without_the_sun_nothing_of_it_is_left() {
     write(&root, moving);
     let out = folder.path().join("court.ndgi");
     let without = Options { without_sun: true, ..options(&out) };
-    compress(&root, &without, &Console::silent()).unwrap();
+    compress(&root, &without, &Silent).unwrap();
     let decoder = Decoder::open(&out).unwrap();
     assert!(decoder.bundle().header.sun.is_none());
     assert!(decoder.bundle().index.iter().all(|entry| entry.sun.length == 0));
@@ -305,12 +303,12 @@ fn without_the_sun_nothing_of_it_is_left() {
     assert_eq!(all, baked);
     // It is compared with the same light of the dataset.
     let dataset = Dataset::open(&root).unwrap();
-    let evaluation = evaluate(&dataset, &decoder, Measures::default(), &Console::silent()).unwrap();
+    let evaluation = evaluate(&dataset, &decoder, Measures::default(), &Silent).unwrap();
     assert!(evaluation.all.psnr_db.unwrap() > 40.0 && evaluation.without_sun.is_none());
     assert!(evaluation.remarks().iter().any(|remark| remark.contains("--without-sun")));
     // With the sun it is another bundle, whose maps are the same.
     let with = folder.path().join("with.ndgi");
-    compress(&root, &options(&with), &Console::silent()).unwrap();
+    compress(&root, &options(&with), &Silent).unwrap();
     let with = Bundle::open(&with).unwrap();
     for place in with.header.places() {
         assert_eq!(with.tile(place).unwrap(), decoder.bundle().tile(place).unwrap());
@@ -325,7 +323,7 @@ fn bytes_do_not_depend_on_threads_or_on_what_a_stopped_run_left() {
     let bytes = |threads: usize, name: &str| {
         let out = folder.path().join(name);
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| compress(&root, &options(&out), &Console::silent())).unwrap();
+        pool.install(|| compress(&root, &options(&out), &Silent)).unwrap();
         std::fs::read(out).unwrap()
     };
     assert!(bytes(1, "one.ndgi") == bytes(3, "three.ndgi"));
@@ -387,7 +385,7 @@ fn what_sees_the_sun_in_hard_ways_is_met() {
         assert!(faults.is_empty(), "{name}: {faults:?}");
         let out = folder.path().join(name).join("court.ndgi");
         let options = Options { iterations: 60, ..options(&out) };
-        compress(&root, &options, &Console::silent()).unwrap();
+        compress(&root, &options, &Silent).unwrap();
         let decoder = Decoder::open(&out).unwrap();
         let header = &decoder.bundle().header;
         let valid = dataset.mask(0).unwrap().valid;
@@ -420,12 +418,8 @@ fn what_sees_the_sun_in_hard_ways_is_met() {
         }
         // Between the frames shadows that move are no worse than shadows that fade.
         let still = folder.path().join(name).join("still.ndgi");
-        compress(
-            &root,
-            &Options { out: Some(still.clone()), still_shadows: true, ..options },
-            &Console::silent(),
-        )
-        .unwrap();
+        compress(&root, &Options { out: Some(still.clone()), still_shadows: true, ..options }, &Silent)
+            .unwrap();
         let still = Decoder::open(&still).unwrap();
         let mut faded = 0.0;
         for &hour in hours.iter().filter(|hour| !HOURS.contains(hour)) {

@@ -1,7 +1,7 @@
 //! Writes a dataset of one's own light, to be compressed like a baked one:
 //! `cargo run --release -p dataset --example 2_write -- dataset/sweep`.
 
-use dataset::config::{Config, FORMAT, Frame, Page, VERSION};
+use dataset::format::{Config, FORMAT, Frame, Page, VERSION};
 use dataset::image::{Image, Mask};
 use dataset::store::{Dataset, Writer};
 

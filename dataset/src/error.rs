@@ -1,6 +1,6 @@
 //! The error type of all three crates: what is wrong, and where.
 
-use crate::signals;
+use crate::host::signals;
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 

@@ -1,5 +1,5 @@
-//! What a long job reports to its caller. Libraries print nothing: [`crate::console::Console`] does, for
-//! commands; a program that embeds them brings its own [`Observer`].
+//! What a long job reports to its caller. Libraries print nothing: a command's
+//! console does; a program that embeds them brings its own [`Observer`].
 
 /// Kind of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

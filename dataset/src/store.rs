@@ -1,12 +1,13 @@
 //! A dataset's folder: writer and reader.
 
-use crate::config::{Config, FileRef, Light, Noise, VERSION};
 use crate::digest::Digest;
-use crate::files::{is_component, read_json};
+use crate::format::tiles::{TILE, grid};
+use crate::format::{Config, FileRef, Light, Noise, VERSION};
+use crate::host::files;
+use crate::host::files::{is_component, read_json};
 use crate::image::{self, Image, Mask};
 use crate::observe::count;
-use crate::tiles::{TILE, grid};
-use crate::{Error, Result, files};
+use crate::{Error, Result};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -179,10 +180,10 @@ fn read(path: &Path) -> Result<Vec<u8>> {
 fn parse_manifest(path: &Path, bytes: &[u8]) -> Result<serde_json::Value> {
     let value: serde_json::Value = serde_json::from_slice(bytes).map_err(Error::json(path))?;
     match value.get("format").and_then(|format| format.as_str()) {
-        Some(crate::config::FORMAT) => Ok(value),
+        Some(crate::format::FORMAT) => Ok(value),
         found => {
             let found = found.map_or("missing".to_owned(), |format| format!("{format:?}"));
-            let what = format!("format is {found}; expected {:?}", crate::config::FORMAT);
+            let what = format!("format is {found}; expected {:?}", crate::format::FORMAT);
             Err(Error::invalid(path.display(), what))
         }
     }

@@ -4,13 +4,13 @@ mod common;
 
 use common::layouts::{self, content};
 use common::{noise_image, write_hours};
-use dataset::config::{Config, Light};
-use dataset::console::Console;
 use dataset::digest::Digest;
 use dataset::exchange::{Origin, export, import, lightmaps_of};
+use dataset::format::{Config, Light};
 use dataset::layout::hprc1::Hprc1;
 use dataset::layout::hprc2::Hprc2;
 use dataset::layout::{Id, Layout, Lightmap};
+use dataset::observe::Silent;
 use dataset::store::{DATA, Dataset};
 use std::fs;
 use std::path::Path;
@@ -23,11 +23,11 @@ fn day() -> Vec<f64> {
 }
 
 fn import_folder(layout: &'static dyn Layout, from: &Path, out: &Path) -> Config {
-    import(&Origin::Folder(layout, from.to_owned()), out, &Console::silent()).unwrap()
+    import(&Origin::Folder(layout, from.to_owned()), out, &Silent).unwrap()
 }
 
 fn export_folder(dataset: &Path, layout: &dyn Layout, out: &Path) -> dataset::exchange::Exported {
-    export(&Dataset::open(dataset).unwrap(), layout, out, &Console::silent()).unwrap()
+    export(&Dataset::open(dataset).unwrap(), layout, out, &Silent).unwrap()
 }
 
 fn faults(root: &Path) -> Vec<String> {
@@ -236,8 +236,7 @@ fn what_a_layout_cannot_hold_is_said_before_anything_is_written() {
     let refused = |hours: &[f64], layout: &dyn Layout| {
         let _ = fs::remove_dir_all(&root);
         write_hours(&root, &[(5, 5)], 1, hours).unwrap();
-        let error =
-            export(&Dataset::open(&root).unwrap(), layout, &out, &Console::silent()).unwrap_err().to_string();
+        let error = export(&Dataset::open(&root).unwrap(), layout, &out, &Silent).unwrap_err().to_string();
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "only the set");
         error
     };
@@ -252,12 +251,12 @@ fn what_a_layout_cannot_hold_is_said_before_anything_is_written() {
     let mut bytes = fs::read(&victim).unwrap();
     *bytes.last_mut().unwrap() ^= 1;
     fs::write(&victim, bytes).unwrap();
-    let error = export(&dataset, &Hprc2, &out, &Console::silent()).unwrap_err().to_string();
+    let error = export(&dataset, &Hprc2, &out, &Silent).unwrap_err().to_string();
     assert!(error.contains("checksum"), "{error}");
     // A folder with something in it is left alone.
     fs::create_dir(&out).unwrap();
     fs::write(out.join("mine"), b"x").unwrap();
-    let error = export(&dataset, &Hprc2, &out, &Console::silent()).unwrap_err().to_string();
+    let error = export(&dataset, &Hprc2, &out, &Silent).unwrap_err().to_string();
     assert!(error.contains("stands there already"), "{error}");
 }
 
@@ -295,7 +294,7 @@ fn a_sum_that_is_nearly_one_is_good_enough_for_an_import() {
     };
     write(1.01);
     let origin = Origin::Folder(&Hprc1, source.clone());
-    let error = import(&origin, &set, &Console::silent()).unwrap_err().to_string();
+    let error = import(&origin, &set, &Silent).unwrap_err().to_string();
     assert!(error.contains("_9.00.bin_0, texel (2, 1)") && error.contains("sum to"), "{error}");
     assert!(!set.exists());
     write(1.0005);

@@ -3,9 +3,9 @@
 mod common;
 
 use common::full_mask;
+use dataset::format::Rect;
 use dataset::image::{Image, Mask};
-use dataset::metrics::{compare, flip};
-use dataset::tiles::Rect;
+use dataset::pictures::metrics::{compare, flip};
 
 /// An image of light by place.
 fn image(width: usize, height: usize, light: impl Fn(f64, f64) -> [f64; 3]) -> Image {

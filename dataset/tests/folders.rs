@@ -4,8 +4,8 @@ mod common;
 
 use common::{noise_image, write_set};
 use dataset::Error;
-use dataset::config::{Config, Layer, Light};
 use dataset::digest::Digest;
+use dataset::format::{Config, Layer, Light};
 use dataset::image::Image;
 use dataset::store::{Dataset, MANIFEST, Writer};
 use std::collections::BTreeMap;
@@ -101,7 +101,7 @@ fn a_killed_writer_leaves_the_old_dataset_and_the_next_one_cleans_up() {
     let mut killed = Writer::create(root).unwrap();
     let orphan = killed.add("orphan", "exr", &noise_image(4, 4, 9).to_exr()).unwrap();
     drop(killed);
-    let this = &dataset::process::Process::this().machine;
+    let this = &dataset::host::Process::this().machine;
     let temporary = root.join("data").join(format!(".set-1.exr.tmp-{this}-{}-0-3", u32::MAX));
     fs::write(&temporary, b"half").unwrap();
     fs::write(root.join("data/notes.txt"), b"mine").unwrap();
@@ -407,7 +407,7 @@ fn leftovers_of_killed_writers_are_reported() {
         found.warnings.into_iter().filter(|warning| warning.contains("removed")).collect::<Vec<_>>()
     };
     assert_eq!(warnings(), Vec::<String>::new());
-    let left = dataset::files::temporary_beside(&root.join("data/set.exr")).unwrap();
+    let left = dataset::host::files::temporary_beside(&root.join("data/set.exr")).unwrap();
     fs::write(&left, b"half").unwrap();
     fs::create_dir(root.join(".bake")).unwrap();
     let warnings = warnings();

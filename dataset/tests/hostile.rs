@@ -3,11 +3,11 @@
 mod common;
 
 use common::layouts;
-use dataset::console::Console;
 use dataset::exchange::{Origin, import};
 use dataset::layout::Layout;
 use dataset::layout::hprc1::Hprc1;
 use dataset::layout::hprc2::Hprc2;
+use dataset::observe::Silent;
 use serde_json::{Value, json};
 use std::fs;
 use std::path::Path;
@@ -15,7 +15,7 @@ use std::path::Path;
 /// Imports into a folder that must not be there afterwards, with an error that has all the words.
 fn refused(layout: &'static dyn Layout, source: &Path, words: &[&str]) {
     let out = source.with_extension("out");
-    let error = import(&Origin::Folder(layout, source.to_owned()), &out, &Console::silent());
+    let error = import(&Origin::Folder(layout, source.to_owned()), &out, &Silent);
     let error = error.expect_err(&format!("{words:?}")).to_string();
     assert!(words.iter().all(|word| error.contains(word)), "{words:?}: {error}");
     let left: Vec<_> = fs::read_dir(source.parent().unwrap()).unwrap().flatten().collect();
@@ -218,7 +218,7 @@ fn every_broken_file_of_layout_2_is_refused() {
         fs::write(source.join("light"), &whole).unwrap();
         std::os::unix::fs::symlink(source.join("light"), &light).unwrap();
         let out = folder.path().join("set");
-        import(&Origin::Folder(&Hprc2, source), &out, &Console::silent()).unwrap();
+        import(&Origin::Folder(&Hprc2, source), &out, &Silent).unwrap();
     }
 }
 

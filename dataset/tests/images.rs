@@ -4,9 +4,9 @@ mod common;
 
 use common::{Random, noise_image};
 use dataset::Error;
-use dataset::console::Console;
 use dataset::exchange::{Origin, import};
 use dataset::image::{Image, Mask, read_exr_rows, read_exr_size};
+use dataset::observe::Silent;
 use exr::prelude as rs;
 use exr::prelude::{WritableImage, f16};
 use std::fs;
@@ -300,7 +300,7 @@ fn what_is_no_exr_that_can_be_read_is_told_by_name() {
         let pattern = "light_{hour}.exr".to_owned();
         let origin = Origin::Pattern { folder: folder.path().to_owned(), pattern, mask: None, layer: None };
         let out = folder.path().join("out");
-        let imported = import(&origin, &out, &Console::silent()).unwrap_err().to_string();
+        let imported = import(&origin, &out, &Silent).unwrap_err().to_string();
         for message in [read, imported] {
             assert!(message.contains("light_12.exr") && message.contains(told), "{message}");
         }

@@ -3,7 +3,7 @@
 mod common;
 
 use common::write_set;
-use dataset::config::{Baked, Config, Daylight, Layer, Light, Part, Source};
+use dataset::format::{Baked, Config, Daylight, Layer, Light, Part, Source};
 use dataset::store::{Dataset, MANIFEST};
 use std::fs;
 use std::path::Path;

@@ -3,9 +3,9 @@
 mod common;
 
 use common::{python, write_hours};
-use dataset::config::{Config, Light, Part};
-use dataset::curve::Curve;
 use dataset::digest::Digest;
+use dataset::format::Curve;
+use dataset::format::{Config, Light, Part};
 use dataset::image::Image;
 use dataset::store::{Dataset, Writer};
 use std::fs;
@@ -72,7 +72,7 @@ fn layers_follow_their_curves_and_groups_their_schedules() {
         for (page, size) in SIZES.iter().enumerate() {
             let of_sun = |part| config.layers_of(Light::Sun, None).find(|layer| layer.part == part).unwrap();
             let (direct, indirect) = (of_sun(Part::Direct), of_sun(Part::Indirect));
-            let read = |layer: &dataset::config::Layer, frame| {
+            let read = |layer: &dataset::format::Layer, frame| {
                 let files: Vec<_> = layer.file(frame, page).into_iter().collect();
                 dataset.sum_rows(&files, page, 0, size.1).unwrap()
             };
@@ -164,7 +164,7 @@ fn a_release_has_curves_beside_their_layers() {
     let folder = tempfile::tempdir().unwrap();
     let (set, out) = (folder.path().join("set"), folder.path().join("release"));
     let config = write(&set);
-    let console = dataset::console::Console::silent();
+    let console = dataset::observe::Silent;
     dataset::release::release(std::slice::from_ref(&set), &[], false, &out, &console).unwrap();
     let manifest: serde_json::Value =
         serde_json::from_slice(&fs::read(out.join(dataset::release::MANIFEST)).unwrap()).unwrap();

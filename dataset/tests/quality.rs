@@ -3,12 +3,12 @@
 mod common;
 
 use common::{Random, full_mask, noise_image};
+use dataset::format::tiles::{Rect, TILE, tiles};
 use dataset::image::{Image, Mask};
-use dataset::metrics::{
+use dataset::pictures::metrics::{
     Brightnesses, PSNR_CAP_DB, StepError, TileQuality, compare, psnr_db, psnr_log_db, relative_error,
     valid_sum,
 };
-use dataset::tiles::{Rect, TILE, tiles};
 
 /// The definitions, one texel and one window at a time.
 fn oracle(decoded: &Image, reference: &Image, mask: &Mask, tile: Rect) -> (f64, f64, f64) {

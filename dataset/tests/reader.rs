@@ -5,8 +5,8 @@
 mod common;
 
 use common::{Random, python, write_set};
-use dataset::config::{Config, FileRef, Light, Part};
 use dataset::digest::Digest;
+use dataset::format::{Config, FileRef, Light, Part};
 use dataset::image::{Image, Mask};
 use dataset::release::release;
 use dataset::store::Dataset;
@@ -101,7 +101,7 @@ fn the_reader_in_python_reads_the_same_texels() {
     let (set, out) = (folder.path().join("set"), folder.path().join("release"));
     with_hard_masks(&set);
     let dataset = Dataset::open(&set).unwrap();
-    release(std::slice::from_ref(&set), &[], false, &out, &dataset::console::Console::silent()).unwrap();
+    release(std::slice::from_ref(&set), &[], false, &out, &dataset::observe::Silent).unwrap();
     // As an unpacked release has it: the layers stand in a manifest beside that of the datasets.
     fs::copy(set.join("config.json"), set.join("layers.json")).unwrap();
     fs::write(set.join("config.json"), b"{}").unwrap();

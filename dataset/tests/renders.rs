@@ -2,10 +2,10 @@
 
 mod common;
 
-use dataset::config::Config;
-use dataset::console::Console;
 use dataset::exchange::{Origin, import};
+use dataset::format::Config;
 use dataset::image::Image;
+use dataset::observe::Silent;
 use dataset::store::Dataset;
 use exr::prelude as rs;
 use exr::prelude::{WritableImage, f16};
@@ -47,7 +47,7 @@ fn pattern(folder: &Path, pattern: &str, mask: Option<&str>, layer: Option<&str>
 
 /// Imports, checks and opens.
 fn imported(origin: &Origin, out: &Path) -> (Config, Dataset) {
-    let config = import(origin, out, &Console::silent()).unwrap();
+    let config = import(origin, out, &Silent).unwrap();
     let dataset = Dataset::open(out).unwrap();
     let faults = dataset.verify(|| {}).faults;
     assert!(faults.is_empty(), "{faults:?}");
@@ -55,7 +55,7 @@ fn imported(origin: &Origin, out: &Path) -> (Config, Dataset) {
 }
 
 fn refused(origin: &Origin, out: &Path, words: &[&str]) {
-    let error = import(origin, out, &Console::silent()).expect_err(words[0]).to_string();
+    let error = import(origin, out, &Silent).expect_err(words[0]).to_string();
     assert!(words.iter().all(|word| error.contains(word)), "{words:?}: {error}");
     assert!(!out.exists());
 }
@@ -208,7 +208,7 @@ fn a_pattern_that_fits_badly_is_refused() {
     image.texels[40] = [-1.0, f32::NAN, 1.0];
     fs::write(folder.join("light_09.exr"), image.to_exr()).unwrap();
     fs::remove_file(folder.join("light_9.exr")).unwrap();
-    let config = import(&with("light_{hour}.exr"), &out, &Console::silent()).unwrap();
+    let config = import(&with("light_{hour}.exr"), &out, &Silent).unwrap();
     assert_eq!(config.source.unwrap().replaced_values, 2);
     fs::remove_dir_all(&out).unwrap();
     image.texels[700][2] = -0.5;

@@ -4,13 +4,13 @@
 mod common;
 
 use common::{Random, python, write_set};
-use dataset::config::{Config, FileRef, SunVisibility};
 use dataset::digest::Digest;
-use dataset::normals::Normals;
+use dataset::format::Normals;
+use dataset::format::SunPath;
+use dataset::format::tiles::{Rect, TILE, tiles};
+use dataset::format::{Config, FileRef, SunVisibility};
+use dataset::format::{Planes, visibility};
 use dataset::store::{Dataset, MANIFEST, Writer};
-use dataset::sun::SunPath;
-use dataset::tiles::{Rect, TILE, tiles};
-use dataset::visibility::{self, Planes};
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -221,7 +221,7 @@ fn a_release_has_them_with_the_lightmaps() {
     let folder = tempfile::tempdir().unwrap();
     let (set, out) = (folder.path().join("set"), folder.path().join("release"));
     let config = write(&set);
-    let console = dataset::console::Console::silent();
+    let console = dataset::observe::Silent;
     dataset::release::release(std::slice::from_ref(&set), &[], false, &out, &console).unwrap();
     let manifest = fs::read_to_string(out.join(dataset::release::MANIFEST)).unwrap();
     let manifest: serde_json::Value = serde_json::from_str(&manifest).unwrap();

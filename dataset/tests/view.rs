@@ -1,10 +1,10 @@
 //! A scene seen through its geometry file alone.
 
-use dataset::config::{Config, FORMAT, Frame, Page, VERSION};
+use dataset::format::{Config, FORMAT, Frame, Page, VERSION};
 use dataset::image::{Image, Mask};
+use dataset::pictures::View;
+use dataset::pictures::tone;
 use dataset::store::{Dataset, Writer};
-use dataset::tone;
-use dataset::view::View;
 use serde_json::{Value, json};
 use std::f32::consts::PI;
 use std::path::Path;

@@ -1,113 +1,148 @@
-//! The dependency rule: `baker → dataset ← compressor`; the decoder, `ndgi`, depends on none of them and
-//! serves all. Terminal, typed arguments and reports are the commands'.
+//! Who may use whom. Between packages Cargo's manifests say it, inside the baker the order of its folders.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-fn sources(folder: &Path, out: &mut Vec<PathBuf>) {
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        if path.is_dir() {
-            sources(&path, out);
-        } else if path.extension().is_some_and(|e| e == "rs") {
-            out.push(path);
-        }
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// The packages that one links, by its manifest alone.
+fn links(manifest: &str) -> Vec<String> {
+    let text = fs::read_to_string(root().join(manifest).join("Cargo.toml")).unwrap();
+    let (_, dependencies) = text.split_once("[dependencies]\n").unwrap_or_default();
+    let dependencies = dependencies.split("\n[").next().unwrap();
+    let lines = dependencies.lines().filter(|line| !line.is_empty() && !line.starts_with('#'));
+    lines.map(|line| line.split(['.', ' ']).next().unwrap().to_owned()).collect()
+}
+
+#[test]
+fn packages_link_only_what_they_may() {
+    // `baker → dataset ← compressor`; the decoder, `ndgi`, serves all. Terminal, typed arguments and reports
+    // are the commands'. (The dataset verifies the bundles of releases with `ndgi`.)
+    let terminal = ["clap", "indicatif", "plotters", "reports"];
+    let cases: [(&str, &[&str]); 5] = [
+        ("baker", &["compressor", "commands", "reports", "indicatif", "plotters"]),
+        ("compressor", &["baker", "commands", "clap", "indicatif", "plotters"]),
+        ("dataset", &[&["baker", "compressor", "commands"], &terminal[..]].concat()),
+        ("dataset/commands/reports", &["baker", "compressor", "commands", "clap", "indicatif"]),
+        ("compressor/ndgi", &["baker", "compressor", "dataset", "commands"]),
+    ];
+    for (package, forbidden) in cases {
+        let links = links(package);
+        let found: Vec<&String> = links.iter().filter(|name| forbidden.contains(&name.as_str())).collect();
+        assert!(found.is_empty(), "{package} links {found:?}");
+    }
+    // The search can find what it looks for.
+    for (package, name) in [
+        ("baker/command", "compressor"),
+        ("compressor/command", "commands"),
+        ("compressor", "reports"),
+        ("dataset/commands", "indicatif"),
+        ("dataset/commands/reports", "plotters"),
+        ("baker", "dataset"),
+    ] {
+        assert!(links(package).iter().any(|link| link == name), "{package}: {name}");
     }
 }
 
-fn all_sources(crate_name: &str) -> Vec<PathBuf> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(crate_name).join("src");
-    let mut files = Vec::new();
-    sources(&root, &mut files);
-    files.sort();
-    files
+/// The modules that a `mod.rs` declares, in its order.
+fn declared(door: &str) -> Vec<String> {
+    let lines = door.lines().filter_map(|line| {
+        let line = line.strip_prefix("pub(super) ").or(line.strip_prefix("pub(crate) ")).unwrap_or(line);
+        line.strip_prefix("pub ").unwrap_or(line).strip_prefix("mod ")?.strip_suffix(';')
+    });
+    lines.map(str::to_owned).filter(|name| name != "tests").collect()
 }
 
-/// Lines of code (comments aside) that contain a word.
-fn naming(files: &[PathBuf], word: &str) -> Vec<String> {
+/// Every file below a folder that is no test, with its code, comments left out.
+fn sources(folder: &Path) -> Vec<(PathBuf, String)> {
     let mut found = Vec::new();
-    for file in files {
-        for (i, line) in fs::read_to_string(file).unwrap().lines().enumerate() {
-            if line.split("//").next().is_some_and(|code| code.contains(word)) {
-                found.push(format!("{}:{}: {}", file.display(), i + 1, line.trim()));
-            }
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            found.extend(sources(&path));
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            let text = fs::read_to_string(&path).unwrap();
+            let code = text.lines().map(|line| line.split("//").next().unwrap_or_default());
+            found.push((path, code.collect::<Vec<_>>().join("\n")));
         }
     }
     found
 }
 
-/// The sources of a crate's command, and those of its library.
-fn command_and_library(crate_name: &str) -> (Vec<PathBuf>, Vec<PathBuf>) {
-    let of_command = |f: &PathBuf| {
-        f.components().any(|part| part.as_os_str() == "bin")
-            || ["baker/src/main.rs", "baker/src/report.rs"].iter().any(|own| f.ends_with(own))
-    };
-    let (command, library): (Vec<_>, Vec<_>) = all_sources(crate_name).into_iter().partition(of_command);
-    assert!(library.len() > 10, "found only {} sources", library.len());
-    (command, library)
+/// The words that follow a prefix in code.
+fn after<'a>(code: &'a str, prefix: &str) -> Vec<&'a str> {
+    let ends = |rest: &str| rest.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(rest.len());
+    code.match_indices(prefix)
+        .map(|(at, _)| &code[at + prefix.len()..][..ends(&code[at + prefix.len()..])])
+        .collect()
+}
+
+/// Of each module in `folder` the others it uses: by `use`s of `path` from anywhere in it, and by `super::`
+/// where that is the folder.
+fn uses(folder: &Path, path: &str, modules: &[String]) -> BTreeMap<String, BTreeSet<String>> {
+    let mut uses: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for (file, code) in sources(folder) {
+        let below = file.strip_prefix(folder).unwrap();
+        let first = below.components().next().unwrap().as_os_str().to_str().unwrap();
+        let owner = first.trim_end_matches(".rs");
+        let depth = below.components().count();
+        let Some(owner) = modules.iter().filter(|m| owner.starts_with(m.as_str())).max_by_key(|m| m.len())
+        else {
+            continue;
+        };
+        let mut words = after(&code, path);
+        if depth == 1 && first != "mod.rs" || depth == 2 && below.ends_with("mod.rs") {
+            words.extend(after(&code, "use super::"));
+        }
+        let words = words.into_iter().filter(|word| modules.iter().any(|m| m == word) && word != owner);
+        uses.entry(owner.clone()).or_default().extend(words.map(str::to_owned));
+    }
+    uses
+}
+
+/// The length of the longest chain of uses; a use of what is declared below is an error.
+#[track_caller]
+fn levels(folder: &Path, path: &str) -> usize {
+    let modules = declared(&fs::read_to_string(folder.join("mod.rs")).unwrap());
+    assert!(!modules.is_empty(), "{}", folder.display());
+    let uses = uses(folder, path, &modules);
+    let mut levels: BTreeMap<&str, usize> = BTreeMap::new();
+    for module in &modules {
+        let used = uses.get(module).into_iter().flatten();
+        let below: Vec<&String> = used.clone().filter(|name| !levels.contains_key(name.as_str())).collect();
+        assert!(below.is_empty(), "{}: {module} uses {below:?}, declared below it", folder.display());
+        let level = 1 + used.map(|name| levels[name.as_str()]).max().unwrap_or(0);
+        levels.insert(module, level);
+    }
+    levels.into_values().max().unwrap()
 }
 
 #[test]
-fn bakers_library_never_names_the_compressor() {
-    let (command, library) = command_and_library("baker");
-    assert_eq!(naming(&library, "compressor"), Vec::<String>::new());
-    // The search can find what it looks for.
-    assert!(!naming(&command, "compressor").is_empty());
-}
-
-#[test]
-fn only_commands_use_the_terminal_and_what_commands_share() {
-    for (name, word, except) in [
-        ("dataset", "commands::", ""),
-        ("baker", "commands::", ""),
-        // `bake --compress` and `compress` write the same sections.
-        ("compressor", "commands::", "commands::report"),
-        ("dataset", "console::", ""),
-        ("baker", "console::", ""),
-        // What both commands do to compress, print and judge.
-        ("compressor", "console::", "src/run.rs"),
-    ] {
-        let (_, library) = command_and_library(name);
-        let mut found = naming(&library, word);
-        found.retain(|line| except.is_empty() || !line.contains(except));
-        assert_eq!(found, Vec::<String>::new(), "{name}");
+fn rooms_use_only_the_rooms_above_them() {
+    let source = root().join("baker/src");
+    let bake = source.join("bake");
+    // Nine levels are what the rooms need. (Seventeen were those of one flat folder.)
+    let found = levels(&bake, "crate::bake::");
+    assert!(found <= 9, "{found} levels");
+    // The search sees the longest chain that there is: from the bake as a whole down to what it stores.
+    assert!(found >= 5, "{found} levels");
+    for room in declared(&fs::read_to_string(bake.join("mod.rs")).unwrap()) {
+        if bake.join(&room).is_dir() {
+            levels(&bake.join(&room), &format!("crate::bake::{room}::"));
+        }
     }
-    // The search can find what it looks for.
-    for (name, word) in [
-        ("dataset", "console::"),
-        ("baker", "commands::"),
-        ("compressor", "commands::"),
-        ("baker", "console::"),
-    ] {
-        assert!(!naming(&command_and_library(name).0, word).is_empty(), "{name}: {word}");
-    }
-}
-
-#[test]
-fn what_both_sides_share_names_neither() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    let of = |manifest: &str, name: &str| {
-        let text = fs::read_to_string(root.join(manifest)).unwrap();
-        let (_, dependencies) = text.split_once("[dependencies]").unwrap();
-        let dependencies = dependencies.split("\n[").next().unwrap();
-        dependencies
-            .lines()
-            .any(|line| line.starts_with(&format!("{name}.")) || line.starts_with(&format!("{name} ")))
-    };
-    // (It verifies the bundles of releases with `ndgi`.)
-    for name in ["baker", "commands", "compressor"] {
-        assert!(!of("dataset/Cargo.toml", name), "dataset depends on {name}");
-    }
-    for name in ["baker", "compressor", "ndgi"] {
-        assert!(!of("dataset/commands/Cargo.toml", name), "commands depends on {name}");
-    }
-    for name in ["baker", "commands", "compressor", "dataset"] {
-        assert!(!of("compressor/ndgi/Cargo.toml", name), "ndgi depends on {name}");
-    }
-    // The search can find what it looks for.
-    for (manifest, name) in
-        [("baker", "ndgi"), ("baker", "dataset"), ("compressor", "dataset"), ("compressor", "ndgi")]
-    {
-        assert!(of(&format!("{manifest}/Cargo.toml"), name), "{manifest}: {name}");
-    }
+    // A use against the order is found.
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+    write("mod.rs", "mod first;\npub(super) mod second;\n");
+    write("first.rs", "use crate::hall::second::Thing;\n");
+    write("second.rs", "");
+    let caught = std::panic::catch_unwind(|| levels(folder.path(), "crate::hall::"));
+    assert!(caught.is_err());
+    write("first.rs", "// use crate::hall::second::Thing;\n");
+    write("second.rs", "use super::first::Thing;\n");
+    assert_eq!(levels(folder.path(), "crate::hall::"), 2);
 }

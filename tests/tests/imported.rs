@@ -3,10 +3,10 @@
 use compressor::compress::{Options, compress};
 use compressor::decode::Decoder;
 use compressor::evaluate::{Measures, evaluate};
-use dataset::console::Console;
 use dataset::exchange::{Origin, import};
 use dataset::image::Mask;
 use dataset::layout::hprc2::Hprc2;
+use dataset::observe::Silent;
 use dataset::store::Dataset;
 use std::fs;
 use std::path::Path;
@@ -78,13 +78,13 @@ fn lightmaps_of_others_are_compressed_like_our_own() {
     let folder = tempfile::tempdir().unwrap();
     let [source, root] = ["contest", "set"].map(|name| folder.path().join(name));
     write(&source);
-    import(&Origin::Folder(&Hprc2, source), &root, &Console::silent()).unwrap();
+    import(&Origin::Folder(&Hprc2, source), &root, &Silent).unwrap();
     let dataset = Dataset::open(&root).unwrap();
     let checked = dataset.verify(|| {});
     assert!(checked.faults.is_empty() && checked.warnings.is_empty(), "{checked:?}");
 
     let options = Options { iterations: 600, ..Options::default() };
-    let outcome = compress(&root, &options, &Console::silent()).unwrap();
+    let outcome = compress(&root, &options, &Silent).unwrap();
     assert_eq!(outcome.bundle, root.join("set.ndgi"));
     let decoder = Decoder::open(&outcome.bundle).unwrap();
     let header = &decoder.bundle().header;
@@ -109,7 +109,7 @@ fn lightmaps_of_others_are_compressed_like_our_own() {
     }
 
     // Judged like a baked set: all tiles of both sizes, at every hour.
-    let evaluation = evaluate(&dataset, &decoder, Measures::default(), &Console::silent()).unwrap();
+    let evaluation = evaluate(&dataset, &decoder, Measures::default(), &Silent).unwrap();
     let tiles = |page: usize| evaluation.samples.iter().filter(|sample| sample.page == page).count();
     assert_eq!([tiles(0), tiles(1)], [2 * KEYS.len(), 3 * KEYS.len()]);
 }

@@ -1,8 +1,8 @@
 //! Instances of one mesh: what the manifest and the geometry say about their places leads to their light.
 
 use baker::bake::run::{Options, bake};
-use baker::light::schedule::parse_hours;
-use dataset::console::{Console, ConsoleArgs};
+use baker::light::times::schedule::parse_hours;
+use dataset::observe::Silent;
 use dataset::store::Dataset;
 use pipeline_tests::Probe;
 use std::path::Path;
@@ -20,7 +20,7 @@ fn so_it_has_on_two_pages() {
 fn each_has_its_light(name: &str, pages: usize) {
     let dir = tempfile::tempdir().unwrap();
     let options = Options { out: Some(dir.path().join(name)), ..Options::new(parse_hours("12").unwrap()) };
-    let console = Console::new(ConsoleArgs { quiet: true, json: false, threads: None });
+    let console = Silent;
     let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name).with_extension("toml");
     bake(&scene, &options, &console).unwrap();
     let dataset = Dataset::open(&dir.path().join(name)).unwrap();

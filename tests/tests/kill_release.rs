@@ -5,7 +5,7 @@
 //!
 //! `cargo test --release -p pipeline-tests --test kill_release -- --nocapture` prints the calls.
 
-use dataset::console::{Console, ConsoleArgs};
+use dataset::observe::Silent;
 use dataset::release::verify;
 use dataset::store::Dataset;
 use pipeline_tests::faults::{Faults, Sweep, Tree, court, differences, program, text};
@@ -83,7 +83,7 @@ fn sweep(
 
 /// What is wrong with a release.
 fn of_release(folder: &Path) -> Vec<String> {
-    let quiet = Console::new(ConsoleArgs { quiet: true, json: false, threads: None });
+    let quiet = Silent;
     match verify(folder, &quiet) {
         Ok(found) => found.faults.iter().map(ToString::to_string).collect(),
         Err(error) => vec![error.to_string()],

@@ -4,7 +4,7 @@
 //!
 //! `cargo test --release -p pipeline-tests --test networks`
 
-use dataset::lock::CLAIM;
+use dataset::host::CLAIM;
 use dataset::store::Dataset;
 use pipeline_tests::faults::{Faults, Tree, copy, court, differences, program, text};
 use std::fs::{self, File};

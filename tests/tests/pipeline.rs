@@ -2,11 +2,11 @@
 //! places.
 
 use baker::bake::run::{Options, bake};
-use baker::light::schedule::parse_hours;
+use baker::light::times::schedule::parse_hours;
 use compressor::compress;
-use dataset::config::Light;
-use dataset::console::{Console, ConsoleArgs};
+use dataset::format::Light;
 use dataset::image::{Image, Mask};
+use dataset::observe::Silent;
 use dataset::release::{release, verify};
 use dataset::store::Dataset;
 use pipeline_tests::Probe;
@@ -16,8 +16,8 @@ fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name)
 }
 
-fn quiet() -> Console {
-    Console::new(ConsoleArgs { quiet: true, json: false, threads: None })
+fn quiet() -> Silent {
+    Silent
 }
 
 fn options(hours: &str, out: &Path) -> Options {

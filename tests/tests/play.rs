@@ -4,9 +4,9 @@
 //! `NDGI_PLAY` is the example's path; without it this test says that it was skipped.
 
 use baker::bake::run::{Options, bake};
-use baker::light::schedule::parse_hours;
+use baker::light::times::schedule::parse_hours;
 use compressor::compress;
-use dataset::console::Console;
+use dataset::observe::Silent;
 use serde_json::Value;
 use std::path::Path;
 use std::process::Command;
@@ -25,9 +25,9 @@ fn a_walk_through_a_small_scene_shows_what_the_decoded_pages_do() {
         extra_times: 0,
         ..Options::new(parse_hours("6,10,11,18,20").unwrap())
     };
-    bake(&scene, &options, &Console::silent()).unwrap();
+    bake(&scene, &options, &Silent).unwrap();
     let options = compress::Options { iterations: 300, ..Default::default() };
-    compress::compress(&root, &options, &Console::silent()).unwrap();
+    compress::compress(&root, &options, &Silent).unwrap();
     let out = folder.path().join("play");
     let run = Command::new(play)
         .arg(&root)

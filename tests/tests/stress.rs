@@ -4,11 +4,11 @@
 
 use baker::bake::prepare::Preset;
 use baker::bake::run::{Denoise, Integrator, Options, bake, prepare};
-use baker::light::schedule::parse_hours;
+use baker::light::times::schedule::parse_hours;
 use compressor::compress;
 use compressor::decode::Decoder;
-use dataset::config::Light;
-use dataset::console::{Console, ConsoleArgs};
+use dataset::format::Light;
+use dataset::observe::Silent;
 use dataset::store::Dataset;
 use pipeline_tests::Probe;
 use std::path::{Path, PathBuf};
@@ -35,7 +35,7 @@ fn bake_and_compress_under(
     let text = format!("{light}[[object]]\nfile = \"mesh.glb\"\n[lightmap]\nsize = {size}\n");
     std::fs::write(&scene, text).unwrap();
     let out = dir.path().join("out");
-    let console = Console::new(ConsoleArgs { quiet: true, json: false, threads: None });
+    let console = Silent;
     let options = Options {
         out: Some(out.clone()),
         preset: Preset::Draft,
@@ -144,8 +144,7 @@ fn the_search_for_hidden_faces_does_not_grow_with_copies() {
     let rays = |copies: usize, size: u32| {
         // Texels of the same length, so that faces are looked at as closely.
         let scene = yards(dir.path(), copies, size);
-        let prepared =
-            prepare(&scene, &Options::new(parse_hours("12").unwrap()), &Console::silent()).unwrap();
+        let prepared = prepare(&scene, &Options::new(parse_hours("12").unwrap()), &Silent).unwrap();
         let (atlas, looking) = prepared.atlas().unwrap();
         assert_eq!(prepared.geometry.triangles.len() % copies, 0);
         (looking.inside, atlas.skipped.triangles / copies)
@@ -168,8 +167,8 @@ fn few_rays_tell_which_texels_are_surface() {
         denoise: Denoise::Off,
         ..Options::new(parse_hours("12").unwrap())
     };
-    let looking = prepare(&scene, &options, &Console::silent()).unwrap().atlas().unwrap().1;
-    let outcome = bake(&scene, &options, &Console::silent()).unwrap();
+    let looking = prepare(&scene, &options, &Silent).unwrap().atlas().unwrap().1;
+    let outcome = bake(&scene, &options, &Silent).unwrap();
     let per_texel = (outcome.rays.inside - looking.inside) as f64 / outcome.texels as f64;
     // With every point of every texel asked by itself there were 65.
     assert!(outcome.texels > 50_000 && per_texel < 45.0, "{per_texel} rays, {} texels", outcome.texels);

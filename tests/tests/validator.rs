@@ -4,14 +4,14 @@
 
 use baker::bake::finish::to_glb;
 use baker::bake::run::{Options, prepare};
-use baker::light::schedule::parse_hours;
-use dataset::console::Console;
+use baker::light::times::schedule::parse_hours;
+use dataset::observe::Silent;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Writes what a bake of a scene file would write as its geometry.
 fn geometry(scene: &Path, to: PathBuf) -> PathBuf {
-    let prepared = prepare(scene, &Options::new(parse_hours("12").unwrap()), &Console::silent()).unwrap();
+    let prepared = prepare(scene, &Options::new(parse_hours("12").unwrap()), &Silent).unwrap();
     let (atlas, _) = prepared.atlas().unwrap();
     std::fs::write(&to, to_glb(&prepared.geometry, &atlas).unwrap().glb).unwrap();
     to

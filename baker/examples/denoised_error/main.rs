@@ -22,8 +22,8 @@ use baker::bake::output::folder;
 use baker::bake::prepare::Part;
 use baker::bake::run::{Denoise, Options, Prepared, Preset, prepare, with_worker};
 use baker::bake::store::Value;
-use baker::light::schedule::parse_hours;
-use dataset::console::Console;
+use baker::light::times::schedule::parse_hours;
+use dataset::observe::Silent;
 use peer::Peer;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -45,7 +45,7 @@ fn main() {
             samples: samples_of(out),
             ..Options::new(parse_hours(hours).unwrap())
         };
-        (prepare(Path::new(scene), &options, &Console::silent()).unwrap(), Layers::new(Path::new(out)))
+        (prepare(Path::new(scene), &options, &Silent).unwrap(), Layers::new(Path::new(out)))
     };
     let (ours, layers) = prepared(scene, out);
     let _lock = folder::lock(Path::new(out)).expect("nobody else writes there");
@@ -59,7 +59,7 @@ fn main() {
     let mut denoiser = Denoiser::new(Denoise::METHOD);
     let valid: Vec<bool> = (0..assembler.texels().len()).map(|place| assembler.is_valid(place)).collect();
     let filtered = with_worker(&ours, &atlas, &[], |worker| {
-        denoiser.denoise(&worker, &layers, &ours.digests, (assembler.texels(), &valid), &Console::silent())
+        denoiser.denoise(&worker, &layers, &ours.digests, (assembler.texels(), &valid), &Silent)
     })
     .unwrap();
     let denoised = denoiser.outcome(&filtered);
@@ -74,7 +74,7 @@ fn main() {
         (index / width / 16, index % width / 16)
     };
     let mut peer = peer.map(|folder| {
-        let cell_map = with_worker(&ours, &atlas, &[], |worker| CellMap::find(&worker, &Console::silent()));
+        let cell_map = with_worker(&ours, &atlas, &[], |worker| CellMap::find(&worker, &Silent));
         let indices = valid.iter().map(|&i| assembler.texels()[i].index as usize).collect();
         Peer::new(PathBuf::from(folder), cell_map.unwrap().0, (width, atlas.height as usize), indices)
     });

@@ -8,7 +8,7 @@ use super::locality::ranks;
 use super::pack::{Items, Packed, PackedMesh};
 use crate::scene::{Lightmap, LightmapSize};
 use crate::{Error, Result};
-use dataset::tiles::TILE;
+use dataset::format::TILE;
 
 /// Longest side of a page in texels.
 pub const LARGEST_SIDE: u32 = 16384;

@@ -3,7 +3,7 @@
 
 use super::footprint::{BLOCK, ChartPlacement, Footprint};
 use super::page::Page;
-use dataset::tiles::TILE;
+use dataset::format::TILE;
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
 

@@ -2,7 +2,7 @@
 
 use super::charts::Chart;
 use super::raster::{Bits, TOLERANCE};
-use dataset::tiles::TILE;
+use dataset::format::TILE;
 use glam::{DVec2, Vec2Swizzles};
 
 /// Side in texels of the blocks that pages are packed by: the block of the GPU formats, and a texel of the

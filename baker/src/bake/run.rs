@@ -29,19 +29,19 @@ use crate::bake::store::Charts;
 use crate::bake::store::SumKinds;
 use crate::bake::store::WorkFolder;
 use crate::bake::store::json;
-use crate::light::curves;
+use crate::light::times::curves;
 use crate::scene::{Baked, Scene};
 use crate::surface::FaceBins;
 use crate::trace::counts::RayCounts;
-use crate::trace::path::Transport;
-use dataset::config::{
+use crate::trace::paths::Transport;
+use dataset::format::Curve;
+use dataset::format::TILE;
+use dataset::format::{
     Config, Daylight, FORMAT, FileRef, Group, Instance, Layer, Light, SunVisibility, VERSION,
 };
-use dataset::curve::Curve;
-use dataset::files::write_atomically;
+use dataset::host::files::write_atomically;
 use dataset::observe::{Observer, count};
 use dataset::store::Writer;
-use dataset::tiles::TILE;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;

@@ -1,26 +1,13 @@
-//! Light as a function of time: schedules, sun, sky, lamps. No rays here: only what a direction or a point
+//! Light as a function of time: lamps, sky, sun, schedules. No rays here: only what a direction or a point
 //! receives unoccluded.
+//!
+//! In: the lights of a scene. Out: radiance by direction and hour, samples of lights with their densities,
+//! and the times of a bake. Callers: tracing, plans, forecasts, `bake new`. A folder uses those above it
+//! alone.
 
-pub mod schedule;
-pub mod sun;
-pub mod visibility_times;
-pub mod curves;
-mod sky_image;
-pub mod harmonics;
-mod hosek_wilkie;
-mod sky_model;
-pub mod sky;
-pub mod ground;
-pub mod extra_times;
-pub mod project;
-mod rectangle;
-mod cone;
-mod disc;
-pub mod lamp;
-pub mod emitter;
-mod tree;
-pub mod group;
-pub mod sky_sampler;
+pub mod lamps;
+pub mod daylight;
+pub mod times;
 
 use crate::Rgb;
 use glam::{DVec2, DVec3};

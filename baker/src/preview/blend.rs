@@ -1,7 +1,7 @@
 //! Which frames of a dataset show an hour.
 
-use crate::light::schedule::is_on;
-use dataset::config::Config;
+use crate::light::times::schedule::is_on;
+use dataset::format::Config;
 
 /// The frames that show an hour, each with its weight.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,8 +1,8 @@
 //! A compressed bundle as the light to show.
 
 use crate::{Error, Result};
-use dataset::config::Config;
 pub(super) use dataset::error::of_bundle;
+use dataset::format::Config;
 use dataset::store::Dataset;
 use ndgi::decode::Decoder;
 use serde_json::Value;

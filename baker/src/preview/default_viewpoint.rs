@@ -1,9 +1,9 @@
 //! Where to look from when nobody says: a place outside all bodies, with room around it and light in view.
 
 use crate::geometry::Geometry;
-use crate::trace::lens::NO_TRIANGLE;
-use crate::trace::ray_tracer::RayTracer;
-use crate::trace::triangle::Hit;
+use crate::trace::rays::Hit;
+use crate::trace::rays::NO_TRIANGLE;
+use crate::trace::rays::RayTracer;
 use glam::{DVec3, Vec3};
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
@@ -154,7 +154,7 @@ pub(super) mod tests {
 
     /// A room of 6 × 3 × 6 m, divided by a wall half a metre thick through its middle; all materials
     /// two-sided. In the eastern half (x > 0) there is light.
-    pub fn divided() -> Geometry {
+    pub(crate) fn divided() -> Geometry {
         let material = Material {
             albedo: Vec3::splat(0.5),
             albedo_max: 1.0,
@@ -171,7 +171,7 @@ pub(super) mod tests {
     }
 
     /// The six sides of a box, seen from inside or outside.
-    pub fn block(g: &mut Geometry, low: Vec3, high: Vec3, inside: bool) {
+    pub(crate) fn block(g: &mut Geometry, low: Vec3, high: Vec3, inside: bool) {
         for axis in 0..3 {
             for upper in [false, true] {
                 let (size, one) = (high - low, Vec3::AXES);

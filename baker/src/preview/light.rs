@@ -3,9 +3,9 @@
 use crate::Rgb;
 use crate::bake::prepare::Plan;
 use crate::geometry::Geometry;
-use crate::light::schedule::Hours;
+use crate::light::times::Hours;
 use crate::scene::Scene;
-use crate::trace::lights::Lights;
+use crate::trace::sources::Lights;
 use glam::Vec3;
 use std::collections::BTreeMap;
 

@@ -1,7 +1,7 @@
 //! What a preview is asked for.
 
 use crate::scene::MAX_FOV;
-use crate::trace::backend::Backend;
+use crate::trace::rays::Backend;
 use glam::DVec3;
 use std::path::PathBuf;
 

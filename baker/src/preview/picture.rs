@@ -2,13 +2,13 @@
 
 use super::shade::{Seen, Shader};
 use crate::light::luminance;
-use crate::trace::lens::Lens;
-use crate::trace::path::point_pair;
-use crate::trace::sampler::{Sequence, SequenceKind};
+use crate::trace::paths::path::point_pair;
+use crate::trace::paths::{Sequence, SequenceKind};
+use crate::trace::rays::Lens;
 use crate::{Result, Rgb};
+use dataset::host::signals::stop_if_interrupted;
 use dataset::observe::Observer;
-use dataset::signals::stop_if_interrupted;
-use dataset::tone::{self, automatic_exposure};
+use dataset::pictures::tone::{self, automatic_exposure};
 use glam::Vec2;
 use image::ImageEncoder;
 use rayon::prelude::*;

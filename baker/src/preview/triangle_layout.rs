@@ -2,7 +2,7 @@
 
 use crate::atlas::Atlas;
 use crate::geometry::{Geometry, LightmapPlace};
-use dataset::config::Page;
+use dataset::format::Page;
 use glam::Vec2;
 
 /// Per triangle, its page and its corners there in texels; `None` where it has no texels.

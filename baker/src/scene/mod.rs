@@ -18,7 +18,7 @@ pub use object::transform_of;
 pub use radiance::read_radiance;
 pub use sky::SkyImage;
 
-pub use dataset::view::Camera;
+pub use dataset::pictures::Camera;
 
 use dataset::{Error, Result};
 use glam::{DMat4, DVec3};
@@ -218,7 +218,7 @@ impl Baked {
     }
 }
 
-impl From<Baked> for dataset::config::Baked {
+impl From<Baked> for dataset::format::Baked {
     fn from(baked: Baked) -> Self {
         match baked {
             Baked::All => Self::All,

@@ -10,7 +10,7 @@ use crate::geometry::{Bounds, FileCamera, Geometry};
 use crate::preview::options::Options as PreviewOptions;
 use crate::preview::view;
 use crate::scene::{Camera, MAX_FOV, Part, Portal, Scene, SunKey, SunTrack, SurfaceOverrides, transform_of};
-use crate::trace::ray_tracer::RayTracer;
+use crate::trace::rays::RayTracer;
 use crate::{Error, Result, geometry};
 use glam::DVec3;
 use std::collections::BTreeSet;

@@ -17,7 +17,7 @@ pub use units::Unit;
 use crate::bake::output::relative_to;
 use crate::scene::{Scene, is_reserved};
 use crate::{Error, Result};
-use dataset::files::write_atomically;
+use dataset::host::files::write_atomically;
 use dataset::observe::{Observer, count};
 use serde_json::json;
 use std::path::{Path, PathBuf};

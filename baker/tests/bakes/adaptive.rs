@@ -4,8 +4,8 @@ use crate::golden::HONEST;
 use crate::scenes::{Case, outdoors, room};
 use crate::statistics::bakes;
 use baker::bake::run::{Denoise, Integrator, Options, prepare};
-use baker::light::schedule::parse_hours;
-use dataset::console::Console;
+use baker::light::times::schedule::parse_hours;
+use dataset::observe::Silent;
 
 const TARGET: f64 = 0.06;
 
@@ -78,7 +78,7 @@ fn work_towards_a_target_is_told_apart_by_the_light_that_is_judged() {
     let work = |edit: &dyn Fn(&mut Options)| {
         let mut options = Options::new(parse_hours("12").expect("hours"));
         edit(&mut options);
-        let prepared = prepare(&case.stage.path("case.toml"), &options, &Console::silent()).expect("a scene");
+        let prepared = prepare(&case.stage.path("case.toml"), &options, &Silent).expect("a scene");
         let all: Vec<usize> = (0..prepared.digests.len()).collect();
         prepared.work(&all)
     };

@@ -4,8 +4,8 @@ use crate::scenes::Obj;
 use crate::{Stage, assert_same};
 use baker::bake::run::{Options, prepare};
 use baker::bake::store::{Charts, Counts};
-use baker::light::schedule::parse_hours;
-use dataset::console::Console;
+use baker::light::times::schedule::parse_hours;
+use dataset::observe::Silent;
 use std::path::{Path, PathBuf};
 
 const SCENE: &str = r#"
@@ -38,7 +38,7 @@ fn baked() -> (Stage, PathBuf) {
 /// kept.
 fn layout(stage: &Stage, dataset: &Path) -> (String, Counts) {
     let options = Options::new(parse_hours("12").expect("hours"));
-    let prepared = prepare(&stage.path("case.toml"), &options, &Console::silent()).expect("a scene");
+    let prepared = prepare(&stage.path("case.toml"), &options, &Silent).expect("a scene");
     let charts = Charts::beside(dataset);
     let (atlas, _) = prepared.atlas_from(&charts).expect("an atlas");
     let counts = charts.counts();

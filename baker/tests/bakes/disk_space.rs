@@ -2,9 +2,9 @@
 
 use crate::pages::case;
 use baker::bake::run::{Options, bake};
-use baker::light::schedule::parse_hours;
-use dataset::console::Console;
+use baker::light::times::schedule::parse_hours;
 use dataset::error::TRY_AGAIN;
+use dataset::observe::Silent;
 
 #[test]
 fn a_bake_that_needs_more_than_is_free_is_refused_and_leaves_nothing() {
@@ -14,7 +14,7 @@ fn a_bake_that_needs_more_than_is_free_is_refused_and_leaves_nothing() {
     let run = |free_bytes: fn(&std::path::Path) -> Option<u64>, force| {
         let hours = parse_hours("12,21").expect("hours");
         let options = Options { out: Some(out.clone()), free_bytes, force, ..Options::new(hours) };
-        bake(&stage.path("case.toml"), &options, &Console::silent())
+        bake(&stage.path("case.toml"), &options, &Silent)
     };
     let refused = run(|_| Some(10_000), false).unwrap_err();
     // As when the disk is full later: the same command can succeed.

@@ -10,8 +10,8 @@ use crate::scenes::{
 };
 use crate::statistics::{Bakes, bakes};
 use baker::bake::run::{Integrator, Options, prepare};
-use baker::light::schedule::parse_hours;
-use baker::trace::backend::Backend;
+use baker::light::times::schedule::parse_hours;
+use baker::trace::rays::Backend;
 use dataset::observe::Silent;
 use std::f64::consts::PI;
 

@@ -4,14 +4,14 @@ use crate::Stage;
 use crate::pages::case;
 use crate::scenes::Obj;
 use baker::bake::run::{Integrator, Options, prepare};
-use baker::light::schedule::parse_hours;
-use dataset::console::Console;
+use baker::light::times::schedule::parse_hours;
+use dataset::observe::Silent;
 use glam::{DVec3, Vec2};
 
 /// Per face, the corners in the world and on the virtual page; ordered by page coordinates.
 fn faces(stage: &Stage, scene: &str) -> (Vec<[(DVec3, Vec2); 3]>, [u32; 3]) {
     let options = Options::new(parse_hours("12").expect("hours"));
-    let prepared = prepare(&stage.path(scene), &options, &Console::silent()).expect("a scene");
+    let prepared = prepare(&stage.path(scene), &options, &Silent).expect("a scene");
     let (atlas, _) = prepared.atlas().expect("an atlas");
     let geometry = &prepared.geometry;
     let of_face = |face: &baker::atlas::Face| {
@@ -71,7 +71,7 @@ fn the_geometry_of_a_dataset_is_baked_again_texel_by_texel() {
     // A node on a page that is not asked for.
     stage.write("third.toml", again.replace("pages = 2\n", "").as_bytes());
     let options = Options::new(parse_hours("12").expect("hours"));
-    let prepared = prepare(&stage.path("third.toml"), &options, &Console::silent()).expect("a scene");
+    let prepared = prepare(&stage.path("third.toml"), &options, &Silent).expect("a scene");
     let error = prepared.atlas().expect_err("an error").to_string();
     assert!(error.contains("lies on page 1 of its file: expected `pages = 2`"), "{error}");
 }

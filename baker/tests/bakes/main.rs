@@ -19,8 +19,8 @@ mod transfer;
 mod visibility;
 
 use baker::bake::run::{Options, Outcome, bake};
-use baker::light::schedule::parse_hours;
-use dataset::console::Console;
+use baker::light::times::schedule::parse_hours;
+use dataset::observe::Silent;
 use dataset::store::Dataset;
 use std::path::PathBuf;
 use tempfile::TempDir;
@@ -63,8 +63,8 @@ impl Stage {
         let mut options =
             Options { out: Some(out.clone()), ..Options::new(parse_hours(hours).expect("hours")) };
         change(&mut options);
-        let outcome = bake(&self.path("case.toml"), &options, &Console::silent())
-            .unwrap_or_else(|error| panic!("{error}"));
+        let outcome =
+            bake(&self.path("case.toml"), &options, &Silent).unwrap_or_else(|error| panic!("{error}"));
         let dataset = Dataset::open(&out).unwrap_or_else(|error| panic!("{error}"));
         (outcome, dataset)
     }

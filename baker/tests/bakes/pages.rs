@@ -6,10 +6,10 @@ use baker::bake::errors::CellMap;
 use baker::bake::finish::{Assembler, BakedParts, Stored};
 use baker::bake::layers::Layers;
 use baker::bake::run::{Denoise, Integrator, Options, prepare};
-use baker::light::schedule::parse_hours;
+use baker::light::times::schedule::parse_hours;
 use baker::scene::Baked;
-use dataset::config::Light;
-use dataset::console::Console;
+use dataset::format::Light;
+use dataset::observe::Silent;
 use dataset::store::Writer;
 use std::f64::consts::TAU;
 
@@ -97,7 +97,7 @@ fn bands_of_any_height_give_the_same_images() {
         denoise: Denoise::Own,
         ..Options::new(parse_hours("12,21").unwrap())
     };
-    let prepared = prepare(&stage.path("case.toml"), &options, &Console::silent()).unwrap();
+    let prepared = prepare(&stage.path("case.toml"), &options, &Silent).unwrap();
     let (atlas, _) = prepared.atlas().unwrap();
     let layers = Layers::new(&stage.path("set"));
     let cell_map = CellMap::seeing_nothing(&atlas);

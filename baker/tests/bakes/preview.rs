@@ -6,9 +6,9 @@ use baker::bake::run::Preset;
 use baker::preview::options::Options;
 use baker::preview::run::preview;
 use compressor::compress::{DRAFT, Options as CompressOptions, compress};
-use dataset::console::Console;
 use dataset::image::Image;
-use dataset::view::View;
+use dataset::observe::Silent;
+use dataset::pictures::View;
 use glam::DVec3;
 use image::{ImageFormat, Rgb, RgbImage, Rgba, RgbaImage};
 use std::io::Cursor;
@@ -22,7 +22,7 @@ impl Stage {
     fn draw(&self, options: Options) -> dataset::Result<(serde_json::Value, RgbImage)> {
         let out = self.path("picture.png");
         let options = Options { dataset: Some(self.path(SET)), out: Some(out.clone()), ..options };
-        let told = preview(&self.path("case.toml"), &options, &Console::silent())?;
+        let told = preview(&self.path("case.toml"), &options, &Silent)?;
         Ok((told, image::open(&out).expect("a picture").into_rgb8()))
     }
 
@@ -212,7 +212,7 @@ fn only_a_finished_dataset_of_this_scene_is_shown() {
     assert!(message.contains("not finished; the same `bake` command continues it"), "{message}");
     std::fs::remove_dir(&work).unwrap();
     let jpeg = Options { out: Some("a.jpg".into()), ..Options::new(8.0) };
-    let message = preview(&case.stage.path("case.toml"), &jpeg, &Console::silent()).unwrap_err().to_string();
+    let message = preview(&case.stage.path("case.toml"), &jpeg, &Silent).unwrap_err().to_string();
     assert!(message.contains("a.jpg: expected a name that ends in .png"), "{message}");
     // A draft lays out other pages than the scene asks for; it is shown as it is.
     case.stage
@@ -253,7 +253,7 @@ impl Stage {
     fn compress(&self, change: impl FnOnce(&mut CompressOptions)) -> PathBuf {
         let mut options = CompressOptions { iterations: 300, force: true, ..CompressOptions::of(DRAFT) };
         change(&mut options);
-        compress(&self.path(SET), &options, &Console::silent()).unwrap_or_else(|e| panic!("{e}")).bundle
+        compress(&self.path(SET), &options, &Silent).unwrap_or_else(|e| panic!("{e}")).bundle
     }
 }
 

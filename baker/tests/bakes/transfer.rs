@@ -4,11 +4,11 @@
 use crate::scenes::{Obj, outdoors};
 use crate::{Stage, assert_same};
 use baker::bake::run::{Options, prepare};
-use baker::light::harmonics::harmonics;
-use baker::light::schedule::{Hours, parse_hours};
-use dataset::config::Transfer;
-use dataset::console::Console;
+use baker::light::daylight::harmonics::harmonics;
+use baker::light::times::schedule::{Hours, parse_hours};
+use dataset::format::Transfer;
 use dataset::image::Image;
+use dataset::observe::Silent;
 use dataset::store::Dataset;
 use glam::Vec3;
 use std::f64::consts::{PI, TAU};
@@ -188,7 +188,7 @@ fn another_sun_is_another_transfer_of_the_same_layers() {
     assert!([5.9, 18.1].iter().all(|hour| hours.contains(hour)));
     // And the extra times, those of the day's bake.
     let day = Options::new(Hours::day());
-    let day = prepare(&case.stage.path("case.toml"), &day, &Console::silent()).expect("a plan").plan;
+    let day = prepare(&case.stage.path("case.toml"), &day, &Silent).expect("a plan").plan;
     assert!(!day.extra_times.added.is_empty());
     assert_eq!(hours, day.times.iter().map(|time| time.hour).collect::<Vec<_>>());
     assert!(third.config.groups.is_empty());
@@ -211,10 +211,9 @@ fn surfaces_that_shine_do_so_for_lamps_alone_and_a_scene_of_lamps_has_no_transfe
     let options = baker::bake::run::Options {
         transfer: true,
         out: Some(stage.path("none")),
-        ..baker::bake::run::Options::new(baker::light::schedule::parse_hours("0..24").expect("hours"))
+        ..baker::bake::run::Options::new(baker::light::times::schedule::parse_hours("0..24").expect("hours"))
     };
-    let error =
-        baker::bake::run::bake(&stage.path("case.toml"), &options, &dataset::console::Console::silent());
+    let error = baker::bake::run::bake(&stage.path("case.toml"), &options, &dataset::observe::Silent);
     let error = error.expect_err("refused").to_string();
     assert!(error.contains("case.toml: has neither sun nor sky"), "{error}");
 }
@@ -239,7 +238,7 @@ fn a_ground_that_is_there_by_default_is_left_out_and_told() {
     options.out = Some(case.stage.path("refused"));
     let text = case.text.replace("\"hosek-wilkie\"\n", "\"hosek-wilkie\"\nground = 0.2\n");
     case.stage.write("written.toml", text.as_bytes());
-    let error = baker::bake::run::bake(&case.stage.path("written.toml"), &options, &Console::silent());
+    let error = baker::bake::run::bake(&case.stage.path("written.toml"), &options, &Silent);
     let error = error.expect_err("a ground is not known").to_string();
     assert!(error.contains("expected `ground = false`"), "{error}");
 }

@@ -6,13 +6,13 @@ use baker::bake::layers::{Layers, Texel};
 use baker::bake::prepare::Part;
 use baker::bake::run::{Options, Prepared, prepare};
 use baker::bake::samples::Worker;
-use baker::light::schedule::parse_hours;
-use baker::light::visibility_times::{VisibilityTimes, sun_path};
+use baker::light::times::schedule::parse_hours;
+use baker::light::times::visibility_times::{VisibilityTimes, sun_path};
 use baker::surface::FaceBins;
-use baker::trace::path::Transport;
-use dataset::console::Console;
-use dataset::normals::Normals;
-use dataset::visibility::{Between, Visibility};
+use baker::trace::paths::Transport;
+use dataset::format::Normals;
+use dataset::format::{Between, Visibility};
+use dataset::observe::Silent;
 use std::path::Path;
 
 const DAY: [f64; 2] = [7.0, 17.0];
@@ -26,8 +26,8 @@ fn baked(stage: &Stage, name: &str, hours: &str, samples: u32) -> (Prepared, Lay
         extra_times: 0,
         ..Options::new(parse_hours(hours).unwrap())
     };
-    baker::bake::run::bake(&court(), &options, &Console::silent()).unwrap();
-    (prepare(&court(), &options, &Console::silent()).unwrap(), Layers::new(&out))
+    baker::bake::run::bake(&court(), &options, &Silent).unwrap();
+    (prepare(&court(), &options, &Silent).unwrap(), Layers::new(&out))
 }
 
 fn court() -> std::path::PathBuf {
@@ -56,7 +56,7 @@ fn find(prepared: &Prepared, layers: &Layers, texels: &[Texel], minutes: f64, fo
         pages.push(page);
         Ok(())
     };
-    let counts = visibility_baker.pages(&Console::silent(), each).unwrap();
+    let counts = visibility_baker.pages(&Silent, each).unwrap();
     assert_eq!(pages.len(), 1);
     (pages.remove(0), counts.visibility)
 }

@@ -5,10 +5,10 @@ pub mod mesh;
 pub mod texels;
 
 use baker::bake::run::{Denoise, Integrator, Options, Outcome, bake};
-use baker::light::schedule::parse_hours;
-use dataset::config::{FileRef, Layer, Light};
-use dataset::console::Console;
+use baker::light::times::schedule::parse_hours;
+use dataset::format::{FileRef, Layer, Light};
 use dataset::image::{Image, Mask};
+use dataset::observe::Silent;
 use dataset::store::Dataset;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -105,7 +105,7 @@ impl Stage {
             force: true,
             ..Options::new(hours)
         };
-        let outcome = bake(&self.path("case.toml"), &options, &Console::silent())?;
+        let outcome = bake(&self.path("case.toml"), &options, &Silent)?;
         Ok(self.open(&out, outcome))
     }
 

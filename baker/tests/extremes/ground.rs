@@ -4,7 +4,7 @@ use crate::common::mesh::Obj;
 use crate::common::texels::Texel;
 use crate::common::{Baked, Stage, THREE_SIGMA};
 use baker::bake::run::Denoise;
-use baker::light::{sky, sun};
+use baker::light::daylight::{sky, sun};
 use glam::{DVec3, Vec3, dvec3};
 use std::f64::consts::{PI, TAU};
 

@@ -20,7 +20,6 @@ mod needs;
 mod pages;
 mod rooms;
 mod schedules;
-mod size;
 mod sun;
 mod surfaces;
 mod visibility;

@@ -5,9 +5,9 @@ use crate::common::{Baked, INTEGRATORS, Stage};
 use baker::bake::forecast::LayoutEstimate;
 use baker::bake::forecast::forecast;
 use baker::bake::run::{Denoise, Integrator, Options, prepare};
-use baker::light::schedule::parse_hours;
+use baker::light::times::schedule::parse_hours;
 use baker::trace::counts::RayCounts;
-use dataset::console::Console;
+use dataset::observe::Silent;
 use glam::{DVec3, dvec3};
 
 const PLACE: &str = "[place]\nlatitude = 48\nlongitude = 11\ndate = \"2026-03-21\"\nutc_offset = 1\n";
@@ -104,8 +104,7 @@ fn a_plan_tells_what_the_bake_will_take_and_whether_the_scene_is_open() {
             denoise: Denoise::Off,
             ..Options::new(parse_hours("6,12,22").expect("hours"))
         };
-        let prepared =
-            prepare(&stage.path("case.toml"), &options, &Console::silent()).expect("what was baked");
+        let prepared = prepare(&stage.path("case.toml"), &options, &Silent).expect("what was baked");
         let (atlas, looking) = prepared.atlas().expect("an atlas");
         let forecast = forecast(&prepared, &LayoutEstimate::exact(atlas, looking)).expect("a forecast");
         assert_eq!((forecast.size, forecast.pages), (baked.outcome.size, baked.outcome.pages));

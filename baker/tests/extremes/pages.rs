@@ -1,12 +1,9 @@
 //! Pages of extreme shapes, and lightmap layouts that cannot be used.
 
 use crate::common::mesh::{Obj, gltf};
-use crate::common::{Stage, assert_sane, green, mean};
-use dataset::store::Dataset;
+use crate::common::{Stage, green, mean};
 use glam::{DVec3, dvec3};
 use std::f64::consts::PI;
-use std::process::Command;
-use std::time::{Duration, Instant};
 
 const SKY: &str = "[sky]\nmodel = \"constant\"\nradiance = [1, 1, 1]\n";
 
@@ -54,55 +51,6 @@ fn pages_of_odd_width() {
         for (texel, valid) in image.texels.iter().zip(&baked.mask.valid) {
             assert!(!valid || (f64::from(texel[1]) / PI - 1.0).abs() < 1e-5, "{width} x {height}: {texel:?}");
         }
-    }
-}
-
-#[test]
-fn an_all_but_empty_page_of_16384_by_256() {
-    // One square fills 1.5 % of it. Time and memory are those of the command as a user runs it.
-    let obj = Obj::default().mesh("floor").floor(DVec3::ZERO, 1.0);
-    let stage = Stage::new(&[("a.obj", obj.text())]);
-    let scene = format!(
-        "{SKY}[[object]]\nfile = \"a.obj\"\n[lightmap]\nsize = [16384, 256]\n[bake]\nsamples = 2\nbounces = 0\n"
-    );
-    stage.write("wide.toml", scene.as_bytes());
-    let out = stage.path("wide");
-    let (seconds, bytes) = run_and_watch(
-        Command::new(env!("CARGO_BIN_EXE_bake"))
-            .arg(stage.path("wide.toml"))
-            .args(["--hours", "12", "--quiet", "--out"])
-            .arg(&out),
-    );
-    println!("16384 x 256: {seconds:.1} s, {:.0} MiB", bytes as f64 / f64::from(1 << 20));
-    let dataset = Dataset::open(&out).unwrap();
-    let mask = dataset.mask(0).unwrap();
-    assert_eq!((mask.width, mask.height), (16384, 256));
-    assert!(mask.count() > 60_000 && mask.count() < 67_000, "{}", mask.count());
-    assert_sane(&dataset);
-    let image = dataset.map(0, 0).unwrap();
-    let lit = image.texels.iter().zip(&mask.valid).filter(|(_, valid)| **valid);
-    assert!(lit.map(|(t, _)| t[1]).all(|v| (f64::from(v) / PI - 1.0).abs() < 1e-5));
-    // An image of it is 48 MiB.
-    assert!(bytes < 1 << 30 && seconds < 60.0, "{seconds} s, {bytes} bytes");
-}
-
-/// Wall seconds of a command, which must succeed, and the most memory it had resident, in bytes.
-pub fn run_and_watch(command: &mut Command) -> (f64, u64) {
-    let start = Instant::now();
-    let mut child = command.spawn().expect("started");
-    let status = format!("/proc/{}/status", child.id());
-    let mut most = 0;
-    loop {
-        if let Ok(text) = std::fs::read_to_string(&status) {
-            let line = text.lines().find_map(|l| l.strip_prefix("VmHWM:"));
-            let kib = line.and_then(|l| l.trim().strip_suffix(" kB")?.trim().parse::<u64>().ok());
-            most = most.max(kib.unwrap_or(0) * 1024);
-        }
-        if let Some(exit) = child.try_wait().expect("waited for") {
-            assert!(exit.success(), "{exit}");
-            return (start.elapsed().as_secs_f64(), most);
-        }
-        std::thread::sleep(Duration::from_millis(5));
     }
 }
 

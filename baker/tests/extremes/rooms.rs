@@ -280,7 +280,7 @@ fn a_room_of_sheets_lets_less_than_a_hundred_thousandth_in() {
 fn roulette_at_a_thousandth_ends_one_path_in_a_thousand() {
     // What a room of albedo 0.999 holds rests on it: numbers of 0.999 and more, over dimensions and
     // sequences; 4 σ.
-    use baker::trace::sampler::{Sequence, SequenceKind};
+    use baker::trace::paths::{Sequence, SequenceKind};
     let (mut ends, mut all) = (0u32, 0u32);
     for index in 0..64 {
         let sequence = Sequence::new(1, SequenceKind::Texel, index, 0);

@@ -3,8 +3,8 @@
 use crate::common::closed::disc_over_plane;
 use crate::common::mesh::Obj;
 use crate::common::{Baked, Stage, green, mean};
-use baker::light::sun;
-use dataset::config::Light;
+use baker::light::daylight::sun;
+use dataset::format::Light;
 use glam::{DVec3, dvec3};
 
 /// A floor and, 100 m above it, a wall that looks towards +x.

@@ -5,12 +5,12 @@ use crate::common::mesh::Obj;
 use crate::common::texels::Texel;
 use crate::common::{Baked, Stage, mean};
 use baker::bake::run::{Options, Outcome, bake};
-use baker::light::schedule::parse_hours;
-use dataset::config::Light;
-use dataset::console::Console;
+use baker::light::times::schedule::parse_hours;
+use dataset::format::Light;
+use dataset::format::{Between, MOST_TIMES, Planes};
 use dataset::image::Image;
+use dataset::observe::Silent;
 use dataset::store::{Dataset, Sunlight};
-use dataset::visibility::{Between, MOST_TIMES, Planes};
 use glam::{DVec3, dvec3};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -120,7 +120,7 @@ fn keeping(stage: &Stage, set: &str, hours: &str, scene: &str) -> (Outcome, Data
     stage.write("case.toml", format!("{scene}[bake]\nsamples = 4\n").as_bytes());
     let out = stage.path(set);
     let options = Options { out: Some(out.clone()), ..Options::new(parse_hours(hours).expect("hours")) };
-    let outcome = bake(&stage.path("case.toml"), &options, &Console::silent()).expect("baked");
+    let outcome = bake(&stage.path("case.toml"), &options, &Silent).expect("baked");
     (outcome, Dataset::open(&out).expect("a dataset"))
 }
 

@@ -21,6 +21,7 @@
 //! into other engines: `INTEGRATION.md`.
 
 #![forbid(unsafe_code)]
+#![warn(unreachable_pub)]
 
 #[cfg(doctest)]
 #[doc = include_str!("../../INTEGRATION.md")]

@@ -6,6 +6,7 @@
 //! on nothing else of this repository.
 
 #![deny(unsafe_code)]
+#![warn(unreachable_pub)]
 
 mod error;
 pub mod source;

@@ -11,7 +11,7 @@ use crate::mean::mean;
 use crate::model::{Contents, Profile, Shape};
 use crate::time::{Coding, Timeline};
 use crate::train::{Coded, Recipe, train, train_ablated};
-use dataset::signals::stop_if_interrupted;
+use dataset::host::signals::stop_if_interrupted;
 use rayon::prelude::*;
 
 /// What all are changed from.

@@ -128,7 +128,7 @@ fn failed(error: ctt_astcenc::Error) -> Error {
 mod tests {
     use super::super::testing::tile_of;
     use super::*;
-    use dataset::metrics::psnr_db;
+    use dataset::pictures::metrics::psnr_db;
 
     #[test]
     fn gradients_come_back_in_their_place() {

@@ -198,7 +198,7 @@ fn bc6h_texels(block: &[u8]) -> [[f32; 3]; 16] {
 mod tests {
     use super::super::testing::tile_of;
     use super::*;
-    use dataset::metrics::psnr_db;
+    use dataset::pictures::metrics::psnr_db;
 
     /// Smooth light of one colour, in 12×8 texels.
     fn smooth() -> Tile {

@@ -5,9 +5,9 @@ use super::tiles::{Texels, Tile, TileSet, set_means};
 use crate::Result;
 use crate::evaluate::{Quality, Sample, SlowMetrics, Steps, Strip, quality};
 use crate::mean::mean;
-use dataset::config::Noise;
+use dataset::format::Noise;
 use dataset::image::Image;
-use dataset::metrics::{self, Brightnesses, StepError};
+use dataset::pictures::{Brightnesses, StepError, metrics};
 use rayon::prelude::*;
 
 /// The quality of a method over all tiles.

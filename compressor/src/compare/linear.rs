@@ -82,7 +82,7 @@ mod tests {
     #[test]
     fn eigenvectors_give_the_matrix_back() {
         let n = 7;
-        let mut random = crate::train::random::Random::new(3);
+        let mut random = crate::train::targets::Random::new(3);
         let mut a = vec![0.0; n * n];
         for i in 0..n {
             for j in 0..=i {

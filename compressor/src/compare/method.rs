@@ -4,7 +4,7 @@ use super::curve::{Curve, tally};
 use super::tiles::{Texels, Tile, TileSet};
 use crate::Result;
 use crate::clock::Clock;
-use dataset::signals::stop_if_interrupted;
+use dataset::host::signals::stop_if_interrupted;
 use rayon::prelude::*;
 
 /// A method's result for one image, or for one tile's images.

@@ -10,7 +10,7 @@ use crate::tile::TileSource;
 use crate::time::Timeline;
 use crate::train::{Aim, Recipe, TrainedTile, train};
 use crate::{Error, Result, of_bundle};
-use dataset::signals::stop_if_interrupted;
+use dataset::host::signals::stop_if_interrupted;
 use rayon::prelude::*;
 
 /// A bundle's tiles overlap by their border: this many more texels are stored than there are.

@@ -12,11 +12,11 @@ mod code;
 use super::method::{CodedTile, CodedTiles, Method, Way, Ways, each_tile};
 use super::tiles::{Tile, TileSet};
 use crate::{Error, Result};
-use dataset::config::{FileRef, Light, Transfer as Basis};
+use dataset::format::TILE;
+use dataset::format::{FileRef, Light, Transfer as Basis};
 use dataset::image::Mask;
 use dataset::observe::count;
 use dataset::store::Dataset;
-use dataset::tiles::TILE;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 

@@ -5,10 +5,10 @@ use super::method::CodedTiles;
 use super::tiles::{Texels, TileSet};
 use super::{Effort, Options, Rendered};
 use crate::evaluate::{aligned, cell};
-use commands::report::Section;
-use commands::report::plot::Plot;
 use dataset::image::{Image, Mask};
-use dataset::preview::{exposure, tone_mapped_png};
+use dataset::pictures::preview::{exposure, tone_mapped_png};
+use reports::Section;
+use reports::plot::Plot;
 use serde::Serialize;
 
 /// Quality of a method on all tiles of a run. Means as in [`crate::evaluate::Quality`].

@@ -4,7 +4,7 @@ use super::tiles::{Texels, Tile, TileSet};
 use crate::grid::Place;
 use crate::tile::{Coverage, TileSource};
 use crate::time::{Coding, Timeline};
-use crate::train::random::Random;
+use crate::train::targets::Random;
 
 /// A tile of these frames, all valid, at even hours.
 pub(super) fn tile_of(width: usize, height: usize, frames: Vec<Texels>) -> Tile {

@@ -7,13 +7,13 @@ use crate::grid::Place;
 use crate::tile::{Band, Coverage, TileSource};
 use crate::time::Timeline;
 use crate::{Error, Result};
-use dataset::config::FileRef;
+use dataset::format::FileRef;
+use dataset::format::tiles::{Rect, TILE, grid, tiles};
+use dataset::host::signals::stop_if_interrupted;
 use dataset::image::Mask;
-use dataset::metrics;
 use dataset::observe::count;
-use dataset::signals::stop_if_interrupted;
+use dataset::pictures::metrics;
 use dataset::store::Dataset;
-use dataset::tiles::{Rect, TILE, grid, tiles};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -15,11 +15,11 @@ use crate::sunlight::Sunlight;
 use crate::tile::Band;
 use crate::time::{Coding, Timeline};
 use crate::{Error, Result};
-use dataset::config::{Layer, Light, PageKind};
 use dataset::digest::Digest;
+use dataset::format::{Layer, Light, PageKind};
+use dataset::host::signals::stop_if_interrupted;
 use dataset::image::Mask;
 use dataset::observe::Observer;
-use dataset::signals::stop_if_interrupted;
 use dataset::store::Dataset;
 use rayon::prelude::*;
 use serde_json::json;
@@ -283,7 +283,7 @@ pub(super) fn header(job: &Job, between: Vec<f64>) -> Header {
         (info["level"], info["level_of"]) = (json!(halved.times), json!(halved.light));
     }
     let grid =
-        |page: &dataset::config::Page| Grid { width: page.width as usize, height: page.height as usize };
+        |page: &dataset::format::Page| Grid { width: page.width as usize, height: page.height as usize };
     Header {
         scene: config.scene.clone(),
         info: info.to_string(),

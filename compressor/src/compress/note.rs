@@ -4,7 +4,7 @@
 use crate::clock::seconds_since_1970;
 use crate::lanes::Tier;
 use crate::printable;
-use dataset::process::Process;
+use dataset::host::Process;
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::ops::Range;

@@ -10,7 +10,7 @@ use crate::lanes::Tier;
 use crate::mean::{mean, weighted_mean};
 use crate::model::Contents;
 use crate::train::TrainedTile;
-use dataset::files::{json, write_atomically};
+use dataset::host::files::{json, write_atomically};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -5,8 +5,8 @@
 use super::{beside, folder_beside, note};
 use crate::bundle::{self, Payload, Section};
 use crate::{Error, Result};
-use dataset::files::{remove_stale_temporaries, sync_folder_of, temporaries, write_atomically};
-use dataset::lock::{LOCK, Lock, Shared, lock, share};
+use dataset::host::files::{remove_stale_temporaries, sync_folder_of, temporaries, write_atomically};
+use dataset::host::lock::{LOCK, Lock, Shared, lock, share};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::collections::BTreeSet;

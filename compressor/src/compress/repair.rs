@@ -6,7 +6,7 @@ use crate::bundle::{Bundle, Header, Section, checksum};
 use crate::grid::Place;
 use crate::model::Contents;
 use crate::{Error, Result, of_bundle};
-use dataset::files::write_atomically;
+use dataset::host::files::write_atomically;
 use dataset::observe::{Observer, count};
 use std::fs;
 

@@ -7,7 +7,7 @@ use crate::clock::seconds_since_1970;
 use crate::grid::Place;
 use crate::lanes::Tier;
 use crate::{Error, Result, printable};
-use dataset::files::write_unsynced_with;
+use dataset::host::files::write_unsynced_with;
 use dataset::observe::count;
 use serde::Serialize;
 use std::collections::BTreeSet;
@@ -268,7 +268,7 @@ impl Status {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dataset::process::Process;
+    use dataset::host::Process;
     use std::fs;
 
     fn note(number: u32, done: usize, at: u64) -> Note {

@@ -11,12 +11,12 @@ use crate::decode::{Decoder, Lights};
 use crate::law::{Law, LayerRows, Rows};
 use crate::time::TimePoint;
 use crate::{Error, Result};
+use dataset::format::tiles::{Rect, TILE, tiles};
+use dataset::host::signals::stop_if_interrupted;
 use dataset::image::{Image, Mask};
-use dataset::metrics;
 use dataset::observe::Observer;
-use dataset::signals::stop_if_interrupted;
+use dataset::pictures::metrics;
 use dataset::store::Dataset;
-use dataset::tiles::{Rect, TILE, tiles};
 use std::ops::Range;
 
 /// PSNR between frames, each time's pooled over its texels: from the mean squared error relative to the

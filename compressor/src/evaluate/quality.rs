@@ -2,7 +2,7 @@
 
 use super::sample::Sample;
 use crate::mean::mean;
-use dataset::metrics;
+use dataset::pictures::metrics;
 
 /// Means over samples, for all frames or for one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -86,8 +86,8 @@ pub(crate) fn quality<'a>(samples: impl Iterator<Item = &'a Sample>) -> Quality 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dataset::metrics::TileQuality;
-    use dataset::tiles::Rect;
+    use dataset::format::Rect;
+    use dataset::pictures::TileQuality;
 
     fn sample(texels: usize, mse: f64, peak: f64, constant: bool) -> Sample {
         let psnr = (peak > 0.0).then(|| metrics::psnr_db(peak, mse));

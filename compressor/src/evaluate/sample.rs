@@ -2,9 +2,9 @@
 
 use super::rgbe::{from_rgbe, to_rgbe};
 use crate::Result;
+use dataset::format::tiles::{Rect, TILE, tiles};
 use dataset::image::{Image, Mask};
-use dataset::metrics::{self, Lpips, TileQuality};
-use dataset::tiles::{Rect, TILE, tiles};
+use dataset::pictures::{Lpips, TileQuality, metrics};
 use rayon::prelude::*;
 
 /// One tile of one frame.

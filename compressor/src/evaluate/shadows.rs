@@ -5,12 +5,12 @@ use super::strips::decode;
 use crate::Result;
 use crate::decode::{Decoder, Lights};
 use crate::mean::mean;
-use dataset::metrics;
+use dataset::format::TILE;
+use dataset::format::{Between, Planes};
+use dataset::host::signals::stop_if_interrupted;
 use dataset::observe::Observer;
-use dataset::signals::stop_if_interrupted;
+use dataset::pictures::metrics;
 use dataset::store::Dataset;
-use dataset::tiles::TILE;
-use dataset::visibility::{Between, Planes};
 
 /// Times of a day that are evaluated, evenly from sunrise to sunset. Times of visibility are about an hour
 /// apart; with fewer times too large a share of them may lie near one.
@@ -58,7 +58,7 @@ pub(super) fn shadows(
             }
             let tiles = sunlight.visibility.tiles.iter().enumerate().filter(|(_, rect)| rect.y0 == y0);
             let tiles = tiles.map(|(i, rect)| Ok((*rect, sunlight.visibility.tile(i)?)));
-            let tiles: Vec<(dataset::tiles::Rect, Planes)> = tiles.collect::<Result<_>>()?;
+            let tiles: Vec<(dataset::format::Rect, Planes)> = tiles.collect::<Result<_>>()?;
             for &hour in &hours {
                 let Some((_, irradiance)) = path.at(hour) else { continue };
                 let decoded = decode(decoder, Lights::Sun, page, hour, &rows)?;

@@ -4,10 +4,10 @@ use super::strips::{decode, read, strips, valid};
 use crate::Result;
 use crate::decode::{Decoder, Lights};
 use crate::law::Law;
+use dataset::host::signals::stop_if_interrupted;
 use dataset::image::Image;
-use dataset::metrics::StepError;
 use dataset::observe::Observer;
-use dataset::signals::stop_if_interrupted;
+use dataset::pictures::StepError;
 use dataset::store::Dataset;
 
 /// From one frame to the next.

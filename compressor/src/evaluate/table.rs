@@ -70,6 +70,11 @@ impl Evaluation {
         rows
     }
 
+    /// The quality table and its remarks, line by line.
+    pub fn lines(&self) -> Vec<String> {
+        self.table().into_iter().chain(self.remarks()).collect()
+    }
+
     /// The quality table as lines of text.
     pub fn table(&self) -> Vec<String> {
         aligned(&COLUMNS, &self.rows())

@@ -5,11 +5,11 @@ use crate::Result;
 use crate::compress::Outcome;
 use crate::decode::{Decoder, Lights};
 use crate::evaluate::{Evaluation, Quality, cell, decode, read, reference_law};
-use commands::report::Section;
-use commands::report::scene::{PICTURE, remark as of_view, shown_frames};
 use dataset::observe::count;
+use dataset::pictures::View;
 use dataset::store::Dataset;
-use dataset::view::View;
+use reports::Section;
+use reports::scene::{PICTURE, remark as of_view, shown_frames};
 
 /// A bundle so close to the bake's own error, in dB, is limited by the bake.
 const CLOSE_DB: f64 = 1.0;

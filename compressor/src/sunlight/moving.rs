@@ -5,8 +5,8 @@ use super::{SunBand, Sunlight};
 use crate::Result;
 use crate::model::BORDER;
 use crate::tile::{self, Coverage};
-use dataset::tiles::Rect;
-use dataset::visibility::{Between, Planes, Visibility};
+use dataset::format::Rect;
+use dataset::format::{Between, Planes, Visibility};
 use ndgi::bundle::Section;
 use ndgi::sun::{SIDE, STEPS, TileSun, encode_shadows};
 

@@ -1,19 +1,12 @@
 //! Training of one tile: from its light to its stored parameters.
+//!
+//! In: a tile's light ([`TileSource`]) and a [`Recipe`]. Out: its parameters as they are stored. Callers:
+//! `compress`, and comparisons. `phases` orders all of it, `trial_fit` does trial fits; a folder uses those
+//! above it alone.
 
-mod light;
-pub(crate) mod random;
-mod features;
-mod problem;
-pub(crate) mod network;
-mod gather;
-pub(crate) mod kernel;
-mod bases;
-pub(crate) mod optimise;
-mod matrices;
-mod blocks;
-mod form;
-mod descent;
-mod quantise;
+pub(crate) mod targets;
+pub(crate) mod step;
+mod stored;
 mod phases;
 mod trial_fit;
 #[cfg(test)]
@@ -28,10 +21,10 @@ use crate::model::{Contents, Profile, Shape, TileParams};
 use crate::tile::TileSource;
 use crate::time::Coding;
 use crate::{Error, Result};
-use light::Light;
 use phases::Attempt;
-use problem::Problem;
 use serde::{Deserialize, Serialize};
+use targets::light::Light;
+use targets::problem::Problem;
 
 /// Recipe of a training.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,7 +1,7 @@
 //! The oracle of the trainer's tests: the representation in double precision, one sample at a time.
 
-use super::features;
-use super::light::Light;
+use super::targets::features;
+use super::targets::light::Light;
 use crate::bc7;
 use crate::model::{GELU_BOUND, GELU_COEFFICIENTS, Shape, TileParams};
 use crate::tile::{Coverage, TileSource};

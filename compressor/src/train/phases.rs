@@ -1,10 +1,10 @@
 //! The phases of one tile's training, by either recipe: the float model, its quantisation, fine-tuning in
 //! between.
 
-use super::kernel::Scope;
-use super::optimise::{Step, Trainer, schedule};
-use super::problem::Problem;
-use super::quantise::Blocks;
+use super::step::kernel::Scope;
+use super::step::optimise::{Step, Trainer, schedule};
+use super::stored::quantise::Blocks;
+use super::targets::problem::Problem;
 use super::{Aim, Coded, Point, Recipe, TrainedTile};
 use crate::clock::Clock;
 use crate::lanes::Tier;
@@ -264,8 +264,8 @@ impl<const H: usize> Attempt<H> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::gather::Samples;
-    use super::super::light::Light;
+    use super::super::step::gather::Samples;
+    use super::super::targets::light::Light;
     use super::*;
     use crate::model::{Profile, Shape};
     use crate::tile::{Coverage, TileSource};

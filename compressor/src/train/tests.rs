@@ -1,14 +1,14 @@
 //! Tests of the trainer as a whole: gradients against an oracle in f64, instruction sets, quality, and odd
 //! tiles.
 
-use super::gather::Samples;
-use super::kernel::Scope;
-use super::light::Light;
-use super::network::CHUNK;
-use super::optimise::{Step, Trainer};
 use super::oracle::Oracle;
-use super::problem::{EDGE_WEIGHT, Problem, Texel};
-use super::random::Random;
+use super::step::gather::Samples;
+use super::step::kernel::Scope;
+use super::step::network::CHUNK;
+use super::step::optimise::{Step, Trainer};
+use super::targets::light::Light;
+use super::targets::problem::{EDGE_WEIGHT, Problem, Texel};
+use super::targets::random::Random;
 use super::*;
 use crate::bc7;
 use crate::lanes::Tier;

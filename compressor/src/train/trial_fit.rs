@@ -1,8 +1,8 @@
 //! Trial fits: a short training ranks a tile's possible contents as a long one does.
 
-use super::light::Light;
 use super::phases::Attempt;
-use super::problem::Problem;
+use super::targets::light::Light;
+use super::targets::problem::Problem;
 use super::{Aim, Recipe, check};
 use crate::Result;
 use crate::bundle::blocks_len;

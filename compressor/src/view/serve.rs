@@ -2,7 +2,7 @@
 
 use super::{Source, shell_of_server};
 use crate::{Error, Result};
-use dataset::signals::interrupted;
+use dataset::host::signals::interrupted;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};

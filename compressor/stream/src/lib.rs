@@ -6,6 +6,7 @@
 //! memory.
 
 #![forbid(unsafe_code)]
+#![warn(unreachable_pub)]
 
 #[cfg(all(doctest, feature = "gpu"))]
 #[doc = include_str!("../README.md")]

@@ -1,15 +1,15 @@
 //! The dataset `court`, whose sun is apart: with layers, curves, the sun's path and its visibility.
 
-use dataset::config::{
+use dataset::format::Curve;
+use dataset::format::Normals;
+use dataset::format::SunPath;
+use dataset::format::tiles::{TILE, tiles};
+use dataset::format::{
     Baked, Config, Daylight, FORMAT, Frame, Group, Layer, Light, Page, Part, SunVisibility, VERSION,
 };
-use dataset::curve::Curve;
+use dataset::format::{Planes, visibility};
 use dataset::image::{Image, Mask};
-use dataset::normals::Normals;
 use dataset::store::Writer;
-use dataset::sun::SunPath;
-use dataset::tiles::{TILE, tiles};
-use dataset::visibility::{self, Planes};
 use std::path::Path;
 
 /// Dark, sunrise within the minute of the lamp's switch, day, dusk.

@@ -4,7 +4,7 @@
 use compressor::decode::Decoder;
 use compressor::grid::Place;
 use compressor::model::PAYLOAD;
-use dataset::config::{Baked, Config, FORMAT, Frame, Group, Noise, Page, VERSION};
+use dataset::format::{Baked, Config, FORMAT, Frame, Group, Noise, Page, VERSION};
 use dataset::image::{Image, Mask};
 use dataset::store::Writer;
 use std::fs;
@@ -128,7 +128,10 @@ pub fn python() -> Option<String> {
 
 pub fn read(python: &str, bundle: &Path, arguments: &[&str]) -> (Output, PathBuf) {
     let out = bundle.with_extension("npy");
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("python/read_ndgi.py");
+    // (The tests of the command have their own folder.)
+    let mut folders =
+        Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().map(|f| f.join("python/read_ndgi.py"));
+    let script = folders.find(|script| script.exists()).unwrap();
     let mut command = Command::new(python);
     command
         .env("PYTHONDONTWRITEBYTECODE", "1")

@@ -5,9 +5,9 @@ use compressor::compress::{Options, Outcome, compress};
 use compressor::decode::Decoder;
 use compressor::evaluate::{Evaluation, Measures, evaluate};
 use compressor::time::is_on;
-use dataset::config::{Baked, Config, FORMAT, Frame, Group, Page, VERSION};
-use dataset::console::Console;
+use dataset::format::{Baked, Config, FORMAT, Frame, Group, Page, VERSION};
 use dataset::image::{Image, Mask};
+use dataset::observe::Silent;
 use dataset::store::{Dataset, Writer};
 use std::path::Path;
 
@@ -124,10 +124,10 @@ impl<'a> Case<'a> {
         let folder = tempfile::tempdir().unwrap();
         self.write(folder.path());
         let options = Options { iterations: self.iterations, seed: self.seed, ..Options::default() };
-        let outcome = compress(folder.path(), &options, &Console::silent()).unwrap();
+        let outcome = compress(folder.path(), &options, &Silent).unwrap();
         let decoder = Decoder::open(&outcome.bundle).unwrap();
         let dataset = Dataset::open(folder.path()).unwrap();
-        let evaluation = evaluate(&dataset, &decoder, Measures::default(), &Console::silent()).unwrap();
+        let evaluation = evaluate(&dataset, &decoder, Measures::default(), &Silent).unwrap();
         for place in decoder.bundle().header.places() {
             if let Some(tile) = decoder.tile(place).unwrap() {
                 assert!(tile.knots.iter().flat_map(|knot| knot.mean).all(|m| m.is_finite() && m >= 0.0));
@@ -185,7 +185,7 @@ impl Result {
                 (0..3).map(|c| (f64::from(a[c]) - f64::from(b[c])).powi(2)).sum::<f64>()
             };
             let mse = pairs.iter().map(error).sum::<f64>() / (3 * pairs.len()) as f64;
-            dataset::metrics::psnr_db(peak.into(), mse)
+            dataset::pictures::metrics::psnr_db(peak.into(), mse)
         };
         (0..self.decoded.len()).map(psnr).fold(f64::INFINITY, f64::min)
     }

@@ -2,7 +2,7 @@
 
 use crate::case::Case;
 use compressor::compress::{Options, compress};
-use dataset::console::Console;
+use dataset::observe::Silent;
 
 fn light(k: usize, x: usize, y: usize) -> [f32; 3] {
     let day = 1.0 + (k as f32 * 0.7).sin();
@@ -89,8 +89,7 @@ fn light_that_is_none_is_refused_with_its_place_and_value() {
             if (k, x, y) == (1, 5, 7) { [1.0, bad, 1.0] } else { light(k, x, y) }
         };
         Case::new(20, 12, 3, light).write(folder.path());
-        let message =
-            compress(folder.path(), &Options::default(), &Console::silent()).unwrap_err().to_string();
+        let message = compress(folder.path(), &Options::default(), &Silent).unwrap_err().to_string();
         for part in ["map-1", "texel (5, 7)", "channel G", said] {
             assert!(message.contains(part), "{part}: {message}");
         }

@@ -1,4 +1,6 @@
-//! What the commands share and readers of datasets do not need: arguments that people type, and reports.
+//! What the commands share: the terminal, and arguments that people type.
 
+#![warn(unreachable_pub)]
+
+pub mod console;
 pub mod typed;
-pub mod report;

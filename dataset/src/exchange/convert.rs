@@ -2,12 +2,12 @@
 
 use super::incoming::{Incoming, IncomingFrame, IncomingPage, Light};
 use super::raw::block_rows;
-use crate::config::{
+use crate::format::{
     Baked, Config, Daylight, FORMAT, Frame, Layer, Light as Lights, Page, Part, Source, VERSION,
 };
+use crate::host::signals::stop_if_interrupted;
 use crate::image::{Mask, write_exr};
 use crate::observe::{Meter, Observer};
-use crate::signals::stop_if_interrupted;
 use crate::store::{Staged, Writer, about_equal, is_bad, refuse_light};
 use crate::{Error, Result};
 use rayon::prelude::*;

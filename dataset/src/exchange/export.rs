@@ -2,8 +2,8 @@
 
 use super::kept::{kept, lightmaps_of};
 use super::raw::{self, light_bytes, mask_bytes};
-use crate::config::{FileRef, Layer, Light};
-use crate::files::{NewFolder, write_atomically};
+use crate::format::{FileRef, Layer, Light};
+use crate::host::files::{NewFolder, write_atomically};
 use crate::image::add;
 use crate::layout::{self, Id, Layout, Lightmap, Parts, Planned};
 use crate::observe::{Meter, Observer, count};
@@ -150,7 +150,7 @@ fn check_contents(dataset: &Dataset, hours: &[f64], layout: &dyn Layout) -> Resu
     let mut seen = BTreeSet::new();
     files.retain(|file| seen.insert(&file.path));
     files.par_iter().try_for_each(|file| {
-        crate::signals::stop_if_interrupted()?;
+        crate::host::signals::stop_if_interrupted()?;
         dataset.verified(file).map(drop)
     })
 }

@@ -1,7 +1,7 @@
 //! EXR files, one per hour: found by a pattern of their names, or listed in a TOML file.
 
 use super::incoming::{Incoming, IncomingFrame, IncomingPage, Light, MaskFile};
-use crate::config::{Baked, Group};
+use crate::format::{Baked, Group};
 use crate::image::find_channels;
 use crate::layout::EXR;
 use crate::{Error, Result};

@@ -1,7 +1,7 @@
 //! Lightmaps to import, from any source.
 
 use super::raw::Raw;
-use crate::config::Group;
+use crate::format::Group;
 use crate::image::{self, Channels, Mask};
 use crate::{Error, Result};
 use ::image::{ImageError, ImageReader};

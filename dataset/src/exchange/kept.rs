@@ -1,6 +1,6 @@
 //! Reads the configuration of a layout, and that which an imported dataset keeps.
 
-use crate::config::Source;
+use crate::format::Source;
 use crate::layout::{self, Layout, Lightmap, Planned};
 use crate::store::Dataset;
 use crate::{Error, Result};

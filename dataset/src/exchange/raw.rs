@@ -115,7 +115,7 @@ pub(super) fn write(
         let mut out = BufWriter::new(File::create_new(path).map_err(Error::io(path))?);
         let end = (part + 1) * part_rows;
         for y0 in (part * part_rows..end).step_by(block_rows(width)) {
-            crate::signals::stop_if_interrupted()?;
+            crate::host::signals::stop_if_interrupted()?;
             let bytes = rows(y0, (y0 + block_rows(width)).min(end))?;
             total += bytes.len() as u64;
             out.write_all(&bytes).map_err(Error::io(path))?;

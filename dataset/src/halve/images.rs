@@ -1,10 +1,10 @@
 //! Lightmaps and layers of a page, band by band, each distinct image once.
 
 use super::half::Half;
-use crate::config::{Config, FileRef};
+use crate::format::{Config, FileRef};
+use crate::host::signals::stop_if_interrupted;
 use crate::image::write_exr;
 use crate::observe::Meter;
-use crate::signals::stop_if_interrupted;
 use crate::store::{Dataset, Staged, Writer, refuse_light, stem_of};
 use crate::{Error, Result};
 use rayon::prelude::*;

@@ -10,11 +10,11 @@ mod images;
 mod places;
 mod sunlight;
 
-use crate::config::{Config, FileRef, Page, SunVisibility, VERSION};
 use crate::digest::Digest;
-use crate::files::NewFolder;
+use crate::format::{Config, FileRef, Page, SunVisibility, VERSION};
+use crate::host::NewFolder;
+use crate::host::signals::stop_if_interrupted;
 use crate::observe::{Meter, Observer};
-use crate::signals::stop_if_interrupted;
 use crate::store::{Dataset, MANIFEST, Writer, references, stem_of};
 use crate::{Error, Result};
 use half::Half;

@@ -3,7 +3,7 @@
 //! Texel position p of a page is p ÷ 2 of its half. Where a side is odd, its half ends beyond it, and page
 //! coordinates shrink.
 
-use crate::config::Config;
+use crate::format::Config;
 use gltf::Glb;
 use serde_json::{Value, json};
 use std::borrow::Cow;

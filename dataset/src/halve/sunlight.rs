@@ -8,13 +8,13 @@
 
 use super::half::{Counted, Half};
 use crate::Result;
-use crate::config::{Config, FileRef};
-use crate::normals::Normals;
+use crate::format::Normals;
+use crate::format::tiles::{Rect, TILE, grid, tiles};
+use crate::format::visibility::{Planes, to_bytes};
+use crate::format::{Config, FileRef};
+use crate::host::signals::stop_if_interrupted;
 use crate::observe::Meter;
-use crate::signals::stop_if_interrupted;
 use crate::store::{Dataset, Sunlight, Writer, stem_of};
-use crate::tiles::{Rect, TILE, grid, tiles};
-use crate::visibility::{Planes, to_bytes};
 use rayon::prelude::*;
 
 /// Largest number of levels of the half per level of the source.

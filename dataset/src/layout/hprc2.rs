@@ -6,7 +6,7 @@
 //! lit side of a switch at 6 and 18 h.
 
 use super::{Config, Id, Layout, Lightmap, Lightmaps, Planned, PlannedFrame, Resolution};
-use crate::files::is_component;
+use crate::host::files::is_component;
 use crate::{Error, Result};
 use serde::de::{MapAccess, Visitor};
 use serde::ser::SerializeMap;

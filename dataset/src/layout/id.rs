@@ -1,6 +1,6 @@
 //! What layouts call their lightmaps.
 
-use crate::files::is_component;
+use crate::host::files::is_component;
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::fmt;

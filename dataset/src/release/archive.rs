@@ -3,11 +3,11 @@
 
 use super::MAX_TEXT_BYTES;
 use super::sums::Summed;
-use crate::config::FileRef;
 use crate::digest::Digest;
-use crate::files::is_component;
+use crate::format::FileRef;
+use crate::host::files::is_component;
+use crate::host::signals::stop_if_interrupted;
 use crate::observe::Meter;
-use crate::signals::stop_if_interrupted;
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::fs::File;

@@ -1,7 +1,7 @@
 //! The datasheet of a scene: content, method and known limits.
 
 use super::{Archive, LAYERS, READER, SUMS};
-use crate::config::Config;
+use crate::format::Config;
 use crate::observe::count;
 use std::fmt::Write;
 

@@ -9,7 +9,7 @@ mod parts;
 mod package;
 mod verify;
 
-use crate::config::FileRef;
+use crate::format::FileRef;
 use serde::{Deserialize, Serialize};
 
 pub use package::{Packaged, release};

@@ -1,7 +1,7 @@
 //! Which parts of a dataset go into which archive: the lightmaps with all that is needed to use them, and
 //! each layer of light separately.
 
-use crate::config::{Config, FileRef, Light, SunVisibility};
+use crate::format::{Config, FileRef, Light, SunVisibility};
 use std::collections::BTreeSet;
 
 /// The dataset's full manifest, which also names the layers; `config.json` of the release names only the

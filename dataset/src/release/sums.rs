@@ -1,8 +1,8 @@
 //! SHA-256 of files, and the list of them.
 
-use crate::files::is_component;
+use crate::host::files::is_component;
+use crate::host::signals::stop_if_interrupted;
 use crate::observe::Meter;
-use crate::signals::stop_if_interrupted;
 use crate::{Error, Result};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;

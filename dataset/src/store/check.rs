@@ -1,7 +1,7 @@
 //! What every consumer of a manifest relies on.
 
-use crate::config::{Config, FORMAT, FileRef, Layer, Page, SunVisibility, VERSION};
-use crate::files::is_component;
+use crate::format::{Config, FORMAT, FileRef, Layer, Page, SunVisibility, VERSION};
+use crate::host::files::is_component;
 use crate::image::MAX_SIDE;
 use crate::observe::count;
 use crate::{Error, Result};

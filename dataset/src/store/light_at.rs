@@ -1,8 +1,8 @@
 //! Light at any time of the day, between the frames too.
 
 use super::Dataset;
-use crate::config::{FileRef, Group, Layer, Light};
-use crate::curve::{Curve, way};
+use crate::format::curve::{Curve, way};
+use crate::format::{FileRef, Group, Layer, Light};
 use crate::image::{self, Image};
 use crate::{Error, Result};
 

@@ -1,9 +1,10 @@
 //! Files of a dataset that are too large to be held in memory: written first, named by their content after.
 
 use super::{DATA, HASH_DIGITS, Writer, content_hash, plain_stem};
-use crate::config::FileRef;
 use crate::digest::Digest;
-use crate::{Error, Result, files, image};
+use crate::format::FileRef;
+use crate::host::files;
+use crate::{Error, Result, image};
 use std::fs::{self, File};
 use std::io::{BufWriter, Seek};
 use std::path::{Path, PathBuf};

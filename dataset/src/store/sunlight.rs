@@ -1,11 +1,11 @@
 //! The sun's direct light at any time of the bake, from its path, its visibility and the normals.
 
 use super::{Dataset, check};
-use crate::config::FileRef;
+use crate::format::FileRef;
+use crate::format::Normals;
+use crate::format::SunPath;
+use crate::format::{Between, Visibility};
 use crate::image::Image;
-use crate::normals::Normals;
-use crate::sun::SunPath;
-use crate::visibility::{Between, Visibility};
 use crate::{Error, Result};
 
 /// What a page's direct light of the sun is made of.
@@ -107,7 +107,7 @@ impl Dataset {
             let Some(sunlight) = self.sunlight(page)? else { return Ok(()) };
             let tiles = 0..sunlight.visibility.tiles.len();
             tiles.into_iter().try_for_each(|tile| {
-                crate::signals::stop_if_interrupted()?;
+                crate::host::signals::stop_if_interrupted()?;
                 sunlight.visibility.tile(tile).map(drop)
             })
         };

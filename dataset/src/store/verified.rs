@@ -1,10 +1,10 @@
 //! The one way to a file's content: it is compared with the manifest's checksum first.
 
 use super::{Dataset, MANIFEST, ROWS, check, refuse_light};
-use crate::config::FileRef;
 use crate::digest::Digest;
+use crate::format::FileRef;
+use crate::host::signals::stop_if_interrupted;
 use crate::image::{self, Mask};
-use crate::signals::stop_if_interrupted;
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::fs::{self, File};

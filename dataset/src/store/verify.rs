@@ -1,8 +1,8 @@
 //! Verifies every byte: `dataset check`.
 
 use super::{Dataset, check};
-use crate::config::FileRef;
-use crate::curve::Curve;
+use crate::format::Curve;
+use crate::format::FileRef;
 use crate::image::{self, Mask};
 use crate::observe::count;
 use crate::{Error, Result};
@@ -144,7 +144,7 @@ impl Dataset {
         check::size(&path, size, page)?;
         let mut wrong: Option<(Error, usize)> = None;
         for y0 in (0..height).step_by(ROWS) {
-            crate::signals::stop_if_interrupted()?;
+            crate::host::signals::stop_if_interrupted()?;
             let texels = image::read_exr_rows(&path, y0, (y0 + ROWS).min(height))?;
             let first = super::refuse_light(&path, width, y0, &texels).err();
             let number = texels.iter().filter(|texel| texel.iter().any(|&v| super::is_bad(v))).count();
@@ -185,7 +185,7 @@ impl Dataset {
         let mut left = Vec::new();
         for folder in [self.root.clone(), self.root.join(super::DATA)] {
             // (A folder that cannot be listed is reported when its files are opened.)
-            for path in crate::files::temporaries(&folder).unwrap_or_default() {
+            for path in crate::host::files::temporaries(&folder).unwrap_or_default() {
                 left.push(format!(
                     "{}: a temporary file; if no process is writing here, a killed process left it and it can be removed",
                     path.display()

@@ -2,12 +2,12 @@
 #![allow(dead_code, reason = "each test file uses its part")]
 
 use dataset::Result;
-use dataset::config::{
+use dataset::format::tiles::{TILE, tiles};
+use dataset::format::{
     Baked, Config, Daylight, FORMAT, Frame, Group, Instance, Layer, Light, Noise, Page, Part, VERSION,
 };
 use dataset::image::{Image, Mask};
 use dataset::store::Writer;
-use dataset::tiles::{TILE, tiles};
 use std::path::Path;
 use std::process::Command;
 

@@ -2,6 +2,8 @@
 //! everywhere. The stress models are for tests, which generate them where they need them; the rest is also
 //! what the generator of the scenes in this folder builds on.
 
+#![warn(unreachable_pub)]
+
 pub mod mesh;
 pub mod model;
 pub mod random;

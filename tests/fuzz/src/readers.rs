@@ -5,17 +5,17 @@ use baker::scene::{Profile, read_radiance};
 use baker::{geometry, scene as scenes};
 use compressor::bundle::{Bundle, checksum};
 use compressor::decode::Decoder;
-use dataset::console::Console;
-use dataset::curve::Curve;
 use dataset::exchange::{Origin, import};
+use dataset::format::Curve;
+use dataset::format::Normals;
+use dataset::format::SunPath;
+use dataset::format::Visibility;
 use dataset::image::{Image, Mask, read_exr_rows};
 use dataset::layout::hprc1::Hprc1;
 use dataset::layout::hprc2::Hprc2;
-use dataset::normals::Normals;
+use dataset::observe::Silent;
 use dataset::release::{MANIFEST, SUMS, verify};
 use dataset::store::{Dataset, parse_config};
-use dataset::sun::SunPath;
-use dataset::visibility::Visibility;
 use std::fs;
 use std::path::Path;
 
@@ -142,7 +142,7 @@ pub fn archive(scratch: &Path, bytes: &[u8]) -> bool {
     fs::write(folder.join(SUMS), sums.concat()).expect("a file");
     let verified = |packed: &[u8]| {
         fs::write(folder.join("hut-sets.tar.zst"), packed).expect("a file");
-        let verified = verify(&folder, &Console::silent()).expect("a folder that can be read");
+        let verified = verify(&folder, &Silent).expect("a folder that can be read");
         assert_eq!(fs::read_dir(&folder).expect("a folder").count(), 3);
         // The checksums are wrong in any case.
         assert!(!verified.faults.is_empty());
@@ -266,7 +266,7 @@ pub fn curve(scratch: &Path, bytes: &[u8]) -> bool {
 /// What is imported without an error is a dataset without a fault; else nothing is left.
 fn imported(scratch: &Path, origin: &Origin) -> bool {
     let out = scratch.join("out");
-    if import(origin, &out, &Console::silent()).is_err() {
+    if import(origin, &out, &Silent).is_err() {
         assert!(!out.exists());
         return false;
     }

@@ -6,10 +6,10 @@
 use baker::bake::forecast::LayoutEstimate;
 use baker::bake::forecast::forecast;
 use baker::bake::run::{Integrator, Options, bake, prepare};
-use baker::light::schedule::parse_hours;
+use baker::light::times::schedule::parse_hours;
 use baker::preview;
 use dataset::Error;
-use dataset::console::Console;
+use dataset::observe::Silent;
 use dataset::store::Dataset;
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
@@ -30,7 +30,7 @@ pub fn soup(scratch: &Path, bytes: &[u8]) -> bool {
     let hours = parse_hours(if choices.one_in(4) { "12,18" } else { "12" }).expect("hours");
     let out = folder.join("set");
     let options = Options { integrator, out: Some(out.clone()), force: true, ..Options::new(hours) };
-    let (scene, console) = (folder.join("soup.toml"), Console::silent());
+    let (scene, console) = (folder.join("soup.toml"), Silent);
     let planned = choices.one_in(4).then(|| {
         prepare(&scene, &options, &console)
             .and_then(|p| {
@@ -66,7 +66,7 @@ fn shown(scene: &Path, out: &Path, samples: u32) {
         samples,
         ..preview::options::Options::new(12.5)
     };
-    match preview::run::preview(scene, &options, &Console::silent()) {
+    match preview::run::preview(scene, &options, &Silent) {
         Ok(told) => assert!(told["exposure"].as_f64().is_some_and(f64::is_finite), "{told}"),
         Err(Error::Invalid { place, what } | Error::Unsupported { place, what }) => {
             assert!(!place.is_empty() && !what.is_empty());

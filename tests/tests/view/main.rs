@@ -5,14 +5,14 @@ mod browser;
 mod bundles;
 
 use baker::bake::run::{Options as BakeOptions, bake};
-use baker::light::schedule::parse_hours;
+use baker::light::times::schedule::parse_hours;
 use baker::preview::options::Options as PreviewOptions;
 use baker::preview::run::preview;
 use browser::{chromium, run};
 use compressor::compress::{Options, compress};
 use compressor::decode::Decoder;
 use compressor::view::{self, Server, Source};
-use dataset::console::Console;
+use dataset::observe::Silent;
 use dataset::store::Dataset;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -118,8 +118,8 @@ fn court(folder: &Path) -> (PathBuf, PathBuf) {
         extra_times: 0,
         ..BakeOptions::new(parse_hours("0,6,9,12,15,20").unwrap())
     };
-    bake(&scene, &options, &Console::silent()).unwrap();
-    compress(&root, &Options { iterations: 1500, ..Options::default() }, &Console::silent()).unwrap();
+    bake(&scene, &options, &Silent).unwrap();
+    compress(&root, &Options { iterations: 1500, ..Options::default() }, &Silent).unwrap();
     (scene, root)
 }
 
@@ -177,7 +177,7 @@ fn looks_like_its_preview(browser: &str, html: &str, scene: &Path, root: &Path) 
             size: [320, 180],
             ..PreviewOptions::new(hour)
         };
-        preview(scene, &options, &Console::silent()).unwrap()
+        preview(scene, &options, &Silent).unwrap()
     };
     let (by_night, shown) = (shown(0.0), shown(12.0));
     let files = BTreeMap::from([("preview".to_owned(), std::fs::read(&png).unwrap())]);

@@ -31,7 +31,7 @@ fn turn(x: f64, y: f64, z: f64) -> DMat3 {
 }
 
 /// A floor, four chairs of one shape, one that is wider, and a box.
-pub fn room() -> Geometry {
+pub(super) fn room() -> Geometry {
     let mut geometry = Geometry::default();
     let mirror = DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0));
     let wide = DMat3::from_diagonal(DVec3::new(1.5, 1.0, 1.0));
@@ -47,7 +47,7 @@ pub fn room() -> Geometry {
 }
 
 /// Every face's corners are the placement applied to the layout, mirrored ones in their order.
-pub fn check_placements(geometry: &Geometry, atlas: &Atlas) {
+pub(super) fn check_placements(geometry: &Geometry, atlas: &Atlas) {
     let page = Vec2::new(atlas.width as f32, atlas.page_height as f32);
     assert_eq!(atlas.placements.len(), geometry.instances.len());
     for (instance, placement) in geometry.instances.iter().zip(&atlas.placements) {

@@ -4,9 +4,9 @@
 //! bright, that is slow; each layer and channel is therefore also rescaled as a whole, so that what all
 //! entries send out agrees with what they get (a one-group rebalance, known from neutron transport).
 
-use crate::trace::cache_half::CacheHalf;
+use crate::trace::irradiance::CacheHalf;
 use crate::{Error, Result, Rgb};
-use dataset::signals::stop_if_interrupted;
+use dataset::host::signals::stop_if_interrupted;
 use rayon::prelude::*;
 
 /// Paths per entry and half that ordinary numbers of samples have at least.

@@ -3,9 +3,9 @@
 
 use crate::atlas::Atlas;
 use crate::geometry::Geometry;
-use crate::trace::endless_path::EndlessPath;
-use crate::trace::path::Transport;
-use crate::trace::sampler::{Sequence, SequenceKind};
+use crate::trace::paths::EndlessPath;
+use crate::trace::paths::Transport;
+use crate::trace::paths::{Sequence, SequenceKind};
 use crate::{Error, Result};
 use rayon::prelude::*;
 

@@ -13,10 +13,10 @@ use crate::bake::samples::Worker;
 use crate::bake::store::{ALL_PROBES, BlockState, is_usable};
 use crate::bake::store::{CACHE, WorkFolder};
 use crate::surface::{BLOCK, BlockSurface};
-use crate::trace::cache::CacheMap;
-use crate::trace::cache_half::CacheHalf;
 use crate::trace::counts::{RayCounts, sum};
-use crate::trace::space::Receiver;
+use crate::trace::irradiance::CacheHalf;
+use crate::trace::irradiance::CacheMap;
+use crate::trace::solids::Receiver;
 use dataset::observe::Observer;
 
 /// Memory that the cache and its solution may take, about.

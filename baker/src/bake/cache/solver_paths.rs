@@ -4,13 +4,13 @@ use super::cache_system::{CacheSystem, NO_ENTRY, PathEnd};
 use crate::bake::samples::{Stream, Worker};
 use crate::bake::store::BlockState;
 use crate::surface::SurfacePoint;
-use crate::trace::cache::{CacheMap, Patch};
 use crate::trace::counts::{RayCounts, sum};
-use crate::trace::path::{Arrival, FirstHit, point_pair};
-use crate::trace::sampler::{Sample, Sequence, SequenceKind};
-use crate::trace::space::{Receiver, Space, SurroundingHits};
+use crate::trace::irradiance::{CacheMap, Patch};
+use crate::trace::paths::path::{Arrival, FirstHit, point_pair};
+use crate::trace::paths::{Sample, Sequence, SequenceKind};
+use crate::trace::solids::{Receiver, Space, SurroundingHits};
 use crate::{Result, Rgb};
-use dataset::signals::stop_if_interrupted;
+use dataset::host::signals::stop_if_interrupted;
 use rayon::prelude::*;
 use std::sync::Mutex;
 

@@ -12,7 +12,7 @@ use crate::bake::store::{CELLS, cell_of};
 use crate::bake::store::{Parts, Value};
 use crate::surface::BlockSurface;
 use crate::{Result, Rgb};
-use dataset::signals::stop_if_interrupted;
+use dataset::host::signals::stop_if_interrupted;
 use rayon::prelude::*;
 
 /// Reads the light of frames from the cache.

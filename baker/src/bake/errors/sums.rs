@@ -6,8 +6,8 @@
 
 use crate::bake::store::Value;
 use crate::surface::BLOCK;
-use dataset::metrics::relative_error;
-use dataset::tiles::TILE;
+use dataset::format::TILE;
+use dataset::pictures::metrics::relative_error;
 
 /// Error and light of some texels at one frame, as sums over valid texels and channels.
 #[derive(Clone, Copy, Debug, Default)]

@@ -15,11 +15,11 @@ use crate::bake::store::json;
 use crate::geometry::Geometry;
 use crate::scene::Baked;
 use crate::{Result, Rgb};
-use dataset::config::{self, FileRef, Frame, Layer, Light, Noise, Page};
+use dataset::format::TILE;
+use dataset::format::{FileRef, Frame, Layer, Light, Noise, Page, config};
+use dataset::host::signals::stop_if_interrupted;
 use dataset::image::Mask;
-use dataset::signals::stop_if_interrupted;
 use dataset::store::Writer;
-use dataset::tiles::TILE;
 use std::rc::Rc;
 
 /// Puts the layers of a plan together.

@@ -13,8 +13,8 @@ use crate::bake::errors::median;
 use crate::bake::samples::{Stream, Worker};
 use crate::bake::store::{Parts, Value};
 use crate::trace::counts::RayCounts;
+use dataset::host::signals::stop_if_interrupted;
 use dataset::observe::Observer;
-use dataset::signals::stop_if_interrupted;
 use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -413,7 +413,7 @@ fn reference(worker: &Worker, index: u32, samples: u32) -> crate::Result<[Vec<Rg
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::trace::sampler::{Sequence, SequenceKind};
+    use crate::trace::paths::{Sequence, SequenceKind};
 
     /// Numbers of mean 0 and variance 1, about normal: the sum of twelve even ones less 6.
     struct Noise {

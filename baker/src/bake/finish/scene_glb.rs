@@ -18,7 +18,7 @@ use crate::geometry::{File, Geometry, Mesh, Placed, Source};
 use crate::{Error, Result};
 use carry::{Carried, MaterialKey, asset};
 use container::Glb;
-use dataset::config::Instance;
+use dataset::format::Instance;
 use glam::{DAffine3, DVec3, Vec2};
 use motion::{Deformed, Motion};
 use primitive::{Layout, Own};

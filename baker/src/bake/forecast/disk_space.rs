@@ -9,7 +9,7 @@ use crate::bake::prepare::Prepared;
 use crate::bake::prepare::{Integrator, Options};
 use crate::bake::store::WorkFolder;
 use crate::scene::Baked;
-use crate::trace::cache_half::CacheHalf;
+use crate::trace::irradiance::CacheHalf;
 use crate::{Error, Result, Rgb};
 use dataset::store;
 use std::path::Path;

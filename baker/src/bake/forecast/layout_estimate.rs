@@ -8,8 +8,8 @@ use crate::bake::cache::solve;
 use crate::bake::prepare::Prepared;
 use crate::bake::store::Charts;
 use crate::scene::{Lightmap, LightmapSize};
-use crate::trace::cache::CacheMap;
 use crate::trace::counts::RayCounts;
+use crate::trace::irradiance::CacheMap;
 
 /// Longest side of a page in texels that is laid out as it will be.
 const LONGEST: u32 = 2048;

@@ -6,9 +6,9 @@ use crate::Result;
 use crate::bake::prepare::Prepared;
 use crate::geometry::Geometry;
 use crate::scene::{Baked, Lamp, Object, Scene};
-use crate::trace::lens::NO_TRIANGLE;
-use crate::trace::space::Space;
-use crate::trace::triangle::Hit;
+use crate::trace::rays::Hit;
+use crate::trace::rays::NO_TRIANGLE;
+use crate::trace::solids::Space;
 use glam::{DVec3, Vec3};
 use std::f32::consts::PI;
 

@@ -4,9 +4,9 @@
 use crate::atlas::Atlas;
 use crate::geometry::Geometry;
 use crate::scene::Camera;
-use crate::trace::lens::{Lens, NO_TRIANGLE};
-use crate::trace::ray_tracer::RayTracer;
-use dataset::tiles::TILE;
+use crate::trace::rays::RayTracer;
+use crate::trace::rays::{Lens, NO_TRIANGLE};
+use dataset::format::TILE;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use serde::Serialize;

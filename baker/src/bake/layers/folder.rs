@@ -19,8 +19,8 @@ use crate::bake::store::{Filtered, Stored, Value};
 use crate::trace::counts::RayCounts;
 use crate::{Error, Result, Rgb};
 use bytemuck::{Pod, Zeroable};
+use dataset::host::ReadExactAt;
 use dataset::observe::Observer;
-use dataset::system::ReadExactAt;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -41,7 +41,7 @@ pub struct Texel {
     pub usable: u8,
     /// 1 where its surface is closed in by two-sided bodies ([`Space::is_closed_in`]), else 0.
     ///
-    /// [`Space::is_closed_in`]: crate::trace::space::Space::is_closed_in
+    /// [`Space::is_closed_in`]: crate::trace::solids::Space::is_closed_in
     pub closed_in: u8,
     /// The probed points that are its surface, a bit each.
     pub probes: u16,
@@ -81,7 +81,7 @@ impl Layers {
                 let _ = std::fs::rename(entry.path(), self.root.join(entry.file_name()));
             }
         }
-        let _ = dataset::files::remove_folder(&provisional.root);
+        let _ = dataset::host::files::remove_folder(&provisional.root);
     }
 
     /// The folder.
@@ -91,7 +91,7 @@ impl Layers {
 
     /// Creates the folder, where it is missing.
     pub fn create(&self) -> Result<()> {
-        dataset::files::create_folders(&self.root).map_err(Error::io(&self.root))
+        dataset::host::files::create_folders(&self.root).map_err(Error::io(&self.root))
     }
 
     fn path(&self, digest: &str, part: Part) -> PathBuf {
@@ -252,7 +252,7 @@ impl Layers {
         console: &dyn Observer,
     ) -> Result<RayCounts> {
         self.create()?;
-        dataset::files::remove_stale_temporaries(&self.root)?;
+        dataset::host::files::remove_stale_temporaries(&self.root)?;
         let worker = &tracer.worker;
         let lights = worker.transport.lights;
         let blocks = worker.blocks();
@@ -324,7 +324,7 @@ impl Layers {
     /// Makes changes as one: a run that is killed amid them finds them written down, and the next makes the
     /// rest.
     fn change(&self, changes: &Changes) -> Result<()> {
-        dataset::files::write_atomically(&self.root.join(CHANGES), &json::bytes(changes, CHANGES)?)?;
+        dataset::host::files::write_atomically(&self.root.join(CHANGES), &json::bytes(changes, CHANGES)?)?;
         self.finish_changes()
     }
 
@@ -346,7 +346,7 @@ impl Layers {
         for path in changes.remove.iter().map(|name| self.root.join(name)) {
             fine_if_gone(&path, std::fs::remove_file(&path))?;
         }
-        dataset::files::sync_folder_of(&journal);
+        dataset::host::files::sync_folder_of(&journal);
         fine_if_gone(&journal, std::fs::remove_file(&journal))
     }
 
@@ -372,7 +372,7 @@ impl Layers {
         };
         let others = entries.flatten().map(|e| e.path()).filter(|path| !is_kept(path));
         let remove = |path: &PathBuf| match path.is_dir() {
-            true => dataset::files::remove_folder(path).is_ok(),
+            true => dataset::host::files::remove_folder(path).is_ok(),
             false => std::fs::remove_file(path).is_ok(),
         };
         let removed = others.filter(remove);
@@ -381,7 +381,7 @@ impl Layers {
 
     /// Forgets all layers.
     pub fn clear(&self) -> Result<()> {
-        dataset::files::remove_folder(&self.root)
+        dataset::host::files::remove_folder(&self.root)
     }
 }
 

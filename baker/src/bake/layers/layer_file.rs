@@ -4,7 +4,7 @@
 use crate::bake::store::{Stored, Value};
 use crate::{Error, Result};
 use bytemuck::Pod;
-use dataset::system::ReadExactAt;
+use dataset::host::ReadExactAt;
 use std::fs::File;
 use std::io::{Read, Write};
 use std::ops::Range;
@@ -92,7 +92,7 @@ pub struct Partial {
 impl Partial {
     /// Begins the file that is to be called so.
     pub fn create(path: PathBuf) -> Result<Self> {
-        let temporary = dataset::files::temporary_beside(&path)?;
+        let temporary = dataset::host::files::temporary_beside(&path)?;
         let file = File::create(&temporary).map_err(Error::io(&path))?;
         let hash = hasher(&path);
         Ok(Partial { path, temporary, file: std::io::BufWriter::new(file), hash })

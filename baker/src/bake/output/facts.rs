@@ -9,7 +9,7 @@ use crate::bake::prepare::{Plan, hour};
 use crate::bake::rounds::Traced;
 use crate::bake::store::Counts;
 use crate::geometry::Geometry;
-use crate::light::extra_times::percent;
+use crate::light::times::extra_times::percent;
 use crate::scene::Scene;
 use dataset::observe::count;
 

@@ -6,8 +6,10 @@ use crate::bake::prepare::Options;
 use crate::bake::store::Charts;
 use crate::bake::store::WorkFolder;
 use crate::{Error, Result};
+use dataset::host::files;
+use dataset::host::lock;
+use dataset::store;
 use dataset::store::Writer;
-use dataset::{files, lock, store};
 use std::ffi::OsStr;
 use std::path::{Component, Path, PathBuf};
 

@@ -10,8 +10,8 @@ use crate::geometry::{Geometry, Solids};
 use crate::scene::{HiddenFaces, Lightmap, LightmapSize, UvSource};
 use crate::surface::SurfacePoint;
 use crate::trace::counts::{RayCounts, sum};
-use crate::trace::ray_tracer::RayTracer;
-use crate::trace::space::Space;
+use crate::trace::rays::RayTracer;
+use crate::trace::solids::Space;
 use glam::Vec3;
 use rayon::prelude::*;
 

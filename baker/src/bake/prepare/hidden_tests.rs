@@ -1,6 +1,6 @@
 use super::*;
 use crate::atlas;
-use crate::trace::sampler::{Sequence, SequenceKind};
+use crate::trace::paths::{Sequence, SequenceKind};
 use crate::{geometry, scene};
 use glam::{DVec3, dvec3};
 use std::fmt::Write;

@@ -2,9 +2,9 @@
 
 use crate::geometry::{Bounds, Geometry};
 use crate::scene::Portal;
-use crate::trace::lens::NO_TRIANGLE;
-use crate::trace::ray_tracer::{RayTracer, offset_point};
-use crate::trace::room::Room;
+use crate::trace::rays::NO_TRIANGLE;
+use crate::trace::rays::ray_tracer::{RayTracer, offset_point};
+use crate::trace::sources::Room;
 use dataset::observe::count;
 use glam::{DVec3, Vec3};
 use std::f32::consts::TAU;

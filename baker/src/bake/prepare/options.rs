@@ -1,8 +1,8 @@
 //! What a bake is asked for.
 
-use crate::light::extra_times;
-use crate::light::schedule::Hours;
-use crate::trace::backend::Backend;
+use crate::light::times::Hours;
+use crate::light::times::extra_times;
+use crate::trace::rays::Backend;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -115,7 +115,7 @@ pub enum Integrator {
 fn free_bytes(folder: &Path) -> Option<u64> {
     let folder = std::path::absolute(folder).ok()?;
     let nearest = folder.ancestors().find(|path| path.exists())?;
-    dataset::system::free_bytes(nearest)
+    dataset::host::system::free_bytes(nearest)
 }
 
 #[cfg(test)]

@@ -2,20 +2,20 @@
 
 use crate::bake::store::json;
 use crate::geometry::Geometry;
-use crate::light::emitter::emitters;
-use crate::light::extra_times::{self, ExtraTimes};
-use crate::light::ground;
-use crate::light::group::GroupSampler;
-use crate::light::harmonics;
-use crate::light::schedule::{Hours, TimePoint, switches_outside};
-use crate::light::sky::{self, SkyTable};
-use crate::light::sky_sampler::SkySampler;
-use crate::light::sun::{self, SunDisc};
+use crate::light::daylight::SkySampler;
+use crate::light::daylight::ground;
+use crate::light::daylight::harmonics;
+use crate::light::daylight::{SkyTable, sky};
+use crate::light::daylight::{SunDisc, sun};
+use crate::light::lamps::GroupSampler;
+use crate::light::lamps::emitter::emitters;
+use crate::light::times::schedule::{Hours, TimePoint, switches_outside};
+use crate::light::times::{ExtraTimes, extra_times};
 use crate::scene::{Baked, Lamp, Scene, Sky};
-use crate::trace::lights::{GroupLight, Lights, SunLight};
-use crate::trace::room::Room;
+use crate::trace::sources::Room;
+use crate::trace::sources::{GroupLight, Lights, SunLight};
 use crate::{Result, Rgb};
-use dataset::config::TransferPart;
+use dataset::format::TransferPart;
 use dataset::observe::count;
 use glam::{DVec3, Vec3};
 

@@ -11,19 +11,19 @@ use crate::bake::store::Charts;
 use crate::bake::store::Parts;
 use crate::bake::store::json;
 use crate::geometry::{self, Geometry, Solids};
-use crate::light::schedule::Hours;
-use crate::light::visibility_times::{self, VisibilityTimes};
+use crate::light::times::Hours;
+use crate::light::times::{VisibilityTimes, visibility_times};
 use crate::scene::{Baked, Lightmap, LightmapSize, MAX_SAMPLES, Scene, Sky, SunVisibility};
-use crate::trace::backend::Backend;
-use crate::trace::bvh8::Bvh8;
 use crate::trace::counts::RayCounts;
-use crate::trace::ray_tracer::RayTracer;
-use crate::trace::space::Space;
+use crate::trace::rays::Backend;
+use crate::trace::rays::Bvh8;
+use crate::trace::rays::RayTracer;
+use crate::trace::solids::Space;
 use crate::{Error, Result};
-use dataset::config::Transfer;
+use dataset::format::MOST_TIMES;
+use dataset::format::SunPath;
+use dataset::format::Transfer;
 use dataset::observe::{Observer, Silent};
-use dataset::sun::SunPath;
-use dataset::visibility::MOST_TIMES;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
@@ -195,7 +195,7 @@ pub fn prepare(scene_file: &Path, options: &Options, console: &dyn Observer) -> 
     let (mut scene, mut warnings) = crate::scene::load(scene_file)?;
     apply(&mut scene, options)?;
     if let Some(location) = &scene.location {
-        let checked = crate::light::sun::check(location);
+        let checked = crate::light::daylight::sun::check(location);
         checked.map_err(|e| Error::invalid(scene_file.display(), format!("[place]: {e}")))?;
     }
     let (mut scene, hours, transfer) = if options.transfer {

@@ -1,12 +1,12 @@
 //! A scene's transfer: the scene under spherical harmonics instead of its own sun, sky and lamps.
 
-use crate::light::extra_times;
-use crate::light::harmonics::{hours, parts};
-use crate::light::project::{coefficients, is_upper};
-use crate::light::schedule::Hours;
+use crate::light::daylight::harmonics::{hours, parts};
+use crate::light::daylight::project::{coefficients, is_upper};
+use crate::light::times::Hours;
+use crate::light::times::extra_times;
 use crate::scene::{Baked, LightsOfFiles, Scene, Sky, SurfaceOverrides};
 use crate::{Error, Result};
-use dataset::config::{Transfer, TransferLight};
+use dataset::format::{Transfer, TransferLight};
 use std::path::Path;
 
 /// What is baked instead of a scene: the same surfaces with one part of a harmonic as the sky at each of

@@ -9,7 +9,7 @@ use crate::Rgb;
 use crate::bake::store::Parts;
 use crate::bake::store::{BlockState, CELLS, cell_of};
 use crate::surface::BlockSurface;
-use crate::trace::lights::Lights;
+use crate::trace::sources::Lights;
 
 /// Texels so far to every side are asked. (Three find more of what is local, 5 % of the squared error in the
 /// yard and the room; but where bright paths are rare and nothing is local, chance then decides: 1.8 times
@@ -191,7 +191,7 @@ fn class_of(square: f64) -> Class {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::trace::sampler::{Sequence, SequenceKind};
+    use crate::trace::paths::{Sequence, SequenceKind};
 
     fn histogram(classes: &[(i16, u64)]) -> Histogram {
         let mut histogram = Histogram::default();

@@ -5,9 +5,9 @@ use crate::atlas::Atlas;
 use crate::bake::store::{ALL_PROBES, BlockState, PROBES};
 use crate::surface::{BlockSurface, FaceBins, SurfacePoint};
 use crate::trace::counts::{RayCounts, sum};
-use crate::trace::path::{Transport, point_pair};
-use crate::trace::sampler::{Sample, Sequence, SequenceKind};
-use crate::trace::space::Receiver;
+use crate::trace::paths::path::{Transport, point_pair};
+use crate::trace::paths::{Sample, Sequence, SequenceKind};
+use crate::trace::solids::Receiver;
 use glam::Vec2;
 use rayon::prelude::*;
 

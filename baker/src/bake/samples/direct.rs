@@ -12,9 +12,9 @@ use super::block::{Stream, Worker};
 use crate::bake::store::{BlockState, CELLS, Direct, cell_of};
 use crate::surface::BlockSurface;
 use crate::trace::counts::{RayCounts, sum};
-use crate::trace::light_subset::FEW_GROUPS;
-use crate::trace::path::sun_sample;
-use dataset::signals::interrupted;
+use crate::trace::paths::path::sun_sample;
+use crate::trace::sources::FEW_GROUPS;
+use dataset::host::signals::interrupted;
 use rayon::prelude::*;
 
 /// Pilot samples of each texel and light.

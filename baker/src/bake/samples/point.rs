@@ -3,7 +3,7 @@
 //!
 //! Most texels lie in the open: nothing stands on them, and they are outside all bodies. That is found out
 //! for squares of texels at once. Where nothing stands on a flat square
-//! ([`crate::trace::space::Space::is_clear`]), all of its points reach each other, and all lie in the same
+//! ([`crate::trace::solids::Space::is_clear`]), all of its points reach each other, and all lie in the same
 //! closed solids, because the surface of a solid would have to pass between them. Then the point in the
 //! middle tells whether they lie in a solid, and that one and the corners whether they lie in a body that is
 //! open a little. Other squares are cut in four, down to single texels, whose points are asked one by one.
@@ -11,9 +11,9 @@
 use super::block::Worker;
 use crate::bake::store::{ALL_PROBES, BlockState, PROBES, is_enough};
 use crate::surface::{BLOCK, BlockSurface};
-use crate::trace::clear::SurfaceAxes;
 use crate::trace::counts::{RayCounts, sum};
-use crate::trace::space::{Receiver, SurroundingHits};
+use crate::trace::solids::SurfaceAxes;
+use crate::trace::solids::{Receiver, SurroundingHits};
 use glam::Vec3;
 use rayon::prelude::*;
 

@@ -6,10 +6,10 @@ use crate::bake::store::SumKinds;
 use crate::geometry::{Geometry, Instance, Material, Solids};
 use crate::scene::{Lightmap, LightmapSize};
 use crate::surface::FaceBins;
-use crate::trace::lights::Lights;
-use crate::trace::path::Transport;
-use crate::trace::ray_tracer::RayTracer;
-use crate::trace::space::Space;
+use crate::trace::paths::Transport;
+use crate::trace::rays::RayTracer;
+use crate::trace::solids::Space;
+use crate::trace::sources::Lights;
 use glam::{DAffine3, Vec2, Vec3, vec3};
 
 fn material(two_sided: bool) -> Material {

@@ -10,7 +10,7 @@
 //! The label says what the payload is of (which work, which file of it); it is not stored. A file that was
 //! cut short, damaged, or copied from other work therefore does not fit.
 
-use dataset::files;
+use dataset::host::files;
 use std::fs::{self, File};
 use std::io::{self, Read, Write};
 use std::path::Path;

@@ -3,7 +3,7 @@
 use super::columns;
 use crate::Rgb;
 use crate::surface::{BLOCK, BlockSurface};
-use crate::trace::lights::Lights;
+use crate::trace::sources::Lights;
 use bytemuck::{Pod, Zeroable};
 
 /// Side of a cell: the texels that are given samples together.

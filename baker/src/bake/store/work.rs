@@ -21,7 +21,7 @@ use super::json;
 use super::sealed;
 use super::state::{BlockState, SumKinds};
 use crate::{Error, Result};
-use dataset::files::write_atomically;
+use dataset::host::files::write_atomically;
 use rayon::prelude::*;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -61,8 +61,8 @@ impl WorkFolder {
             let _ = std::fs::remove_dir_all(other);
         }
         let root = Self::root_of(dataset, digest);
-        dataset::files::create_folders(&root).map_err(Error::io(&root))?;
-        dataset::files::remove_stale_temporaries(&root)?;
+        dataset::host::files::create_folders(&root).map_err(Error::io(&root))?;
+        dataset::host::files::remove_stale_temporaries(&root)?;
         let folder = WorkFolder { root, digest: digest.to_owned(), kinds };
         folder.write(LAYERS, &layers)?;
         Ok(folder)
@@ -103,7 +103,7 @@ impl WorkFolder {
     /// Forgets all work below `dataset`. The folder of it stays, by which a later run knows the dataset's
     /// folder for a bake's own.
     pub fn clear(dataset: &Path) -> Result<()> {
-        Self::others(dataset, "").iter().try_for_each(|path| dataset::files::remove_folder(path))
+        Self::others(dataset, "").iter().try_for_each(|path| dataset::host::files::remove_folder(path))
     }
 
     /// The path of a file of the folder.
@@ -170,7 +170,7 @@ impl WorkFolder {
                 .or_else(|e| if e.kind() == ErrorKind::NotFound { Ok(()) } else { Err(Error::io(&path)(e)) })
         };
         blocks.par_iter().try_for_each(sync)?;
-        dataset::files::sync_folder_of(&self.path(ROUNDS));
+        dataset::host::files::sync_folder_of(&self.path(ROUNDS));
         Ok(())
     }
 

@@ -19,7 +19,7 @@ pub(super) fn floats(values: &[f32]) -> Vec<u8> {
 impl Asset {
     /// A triangle (0, 0, 0), (1, 0, 0), (0, 1, 0) with its normals as mesh 0, and these nodes, the first
     /// `roots` of which are roots.
-    pub fn new(nodes: Value, roots: usize) -> Self {
+    pub(super) fn new(nodes: Value, roots: usize) -> Self {
         let root = json!({
             "asset": { "version": "2.0" }, "scenes": [{ "nodes": (0..roots).collect::<Vec<_>>() }], "nodes": nodes,
             "meshes": [{ "primitives": [{ "attributes": {} }] }], "accessors": [], "bufferViews": [],
@@ -34,7 +34,7 @@ impl Asset {
         asset
     }
 
-    pub fn view(&mut self, bytes: &[u8]) -> usize {
+    pub(super) fn view(&mut self, bytes: &[u8]) -> usize {
         let at = self.binary.len();
         self.binary.extend_from_slice(bytes);
         self.binary.resize(self.binary.len().next_multiple_of(4), 0);
@@ -44,7 +44,7 @@ impl Asset {
     }
 
     /// An accessor of tightly packed elements.
-    pub fn add(&mut self, component: u32, kind: &str, bytes: &[u8]) -> usize {
+    pub(super) fn add(&mut self, component: u32, kind: &str, bytes: &[u8]) -> usize {
         let size = match component {
             5126 => 4,
             5122 | 5123 => 2,
@@ -60,12 +60,12 @@ impl Asset {
         accessors.len() - 1
     }
 
-    pub fn attribute(&mut self, name: &str, accessor: usize) {
+    pub(super) fn attribute(&mut self, name: &str, accessor: usize) {
         self.root["meshes"][0]["primitives"][0]["attributes"][name] = json!(accessor);
     }
 
     /// A skin of these joints, with these inverse bind matrices if there are any.
-    pub fn skin(&mut self, joints: &[usize], mesh_in_joints: &[DMat4]) {
+    pub(super) fn skin(&mut self, joints: &[usize], mesh_in_joints: &[DMat4]) {
         let mut skin = json!({ "joints": joints });
         if !mesh_in_joints.is_empty() {
             let columns: Vec<f32> =
@@ -78,7 +78,7 @@ impl Asset {
         }
     }
 
-    pub fn text(&self) -> String {
+    pub(super) fn text(&self) -> String {
         let mut root = self.root.clone();
         let encoded = base64::engine::general_purpose::STANDARD.encode(&self.binary);
         let uri = format!("data:application/octet-stream;base64,{encoded}");
@@ -86,7 +86,7 @@ impl Asset {
         root.to_string()
     }
 
-    pub fn load(&self) -> dataset::Result<(Geometry, Vec<String>)> {
+    pub(super) fn load(&self) -> dataset::Result<(Geometry, Vec<String>)> {
         load(self.text().as_bytes(), "")
     }
 

@@ -4,7 +4,7 @@
 use super::super::tiles::TileSet;
 use super::Preset;
 use super::network::INPUTS;
-use crate::train::random::Random;
+use crate::train::targets::Random;
 
 /// Sine and cosine of three octaves along both axes; repeats every eight texels.
 const POSITION: usize = 12;

@@ -2,8 +2,8 @@
 
 use super::{Preset, SETS};
 use crate::lanes::Lanes;
-use crate::train::network::{Rows, To, column_sums, outer, product};
-use crate::train::random::Random;
+use crate::train::step::network::{Rows, To, column_sums, outer, product};
+use crate::train::targets::Random;
 use bytemuck::{Pod, Zeroable};
 
 /// Inputs, with room to spare.

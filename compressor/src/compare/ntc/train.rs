@@ -6,11 +6,11 @@ use super::network::{INPUTS, OUTPUTS, Trace, Transposed, Weights, backward};
 use super::{CURVE, Preset};
 use crate::Result;
 use crate::lanes::{Longest, Tier};
-use crate::train::kernel::{Adam, Kernel, run};
-use crate::train::network::{CHUNK, Rows};
-use crate::train::optimise::schedule;
-use crate::train::random::Random;
-use dataset::signals::stop_if_interrupted;
+use crate::train::step::kernel::{Adam, Kernel, run};
+use crate::train::step::optimise::schedule;
+use crate::train::step::{CHUNK, Rows};
+use crate::train::targets::Random;
+use dataset::host::signals::stop_if_interrupted;
 use half::f16;
 use std::ops::Range;
 

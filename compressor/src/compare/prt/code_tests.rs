@@ -3,7 +3,7 @@
 use super::super::super::method::squared_error;
 use super::super::super::testing::tile_of;
 use super::*;
-use crate::train::random::Random;
+use crate::train::targets::Random;
 
 const SIDE: usize = 16;
 

@@ -4,11 +4,11 @@ use super::pages::Pages;
 use super::times::is_baked;
 use super::{lit, with_texels};
 use crate::{Error, Result};
+use dataset::host::signals::stop_if_interrupted;
 use dataset::image::Image;
 use dataset::observe::Meter;
-use dataset::signals::stop_if_interrupted;
+use dataset::pictures::View;
 use dataset::store::Dataset;
-use dataset::view::View;
 use serde::Serialize;
 
 /// Times of a day.

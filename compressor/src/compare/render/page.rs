@@ -4,9 +4,9 @@ use super::super::table::Comparison;
 use super::FRAMES;
 use super::results::{Rendered, Seen, short, size};
 use crate::mean::mean;
-use commands::report::plot::Plot;
-use commands::report::{Report, Section};
 use dataset::observe::count;
+use reports::plot::Plot;
+use reports::{Report, Section};
 
 impl Rendered {
     /// Means over all pictures of each method, for people: a header and rows.

@@ -2,9 +2,9 @@
 
 use super::super::tiles::{Fill, Texels, TileSet};
 use crate::Result;
+use dataset::format::TILE;
 use dataset::image::{Image, Mask};
 use dataset::store::Dataset;
-use dataset::tiles::TILE;
 
 /// Rings of texels around valid ones that filtering and mips may read. Of what methods have there, and of
 /// what the dataset has, nothing is shown: it is the mean of the valid neighbours for all.

@@ -6,9 +6,9 @@ use super::super::tiles::{Texels, TileSet};
 use super::lapse::Line;
 use super::times::Shown;
 use super::{Picture, SHOWN};
-use dataset::preview::{exposure, tone_mapped_png};
+use dataset::pictures::View;
+use dataset::pictures::preview::{exposure, tone_mapped_png};
 use dataset::store::Dataset;
-use dataset::view::View;
 use serde::Serialize;
 
 /// Name of the dataset's own light.

@@ -4,7 +4,7 @@ use super::super::method::Coded;
 use super::super::table::Row;
 use super::super::{Effort, Options};
 use super::*;
-use dataset::config::{Baked, Config, FORMAT, Frame, Group, Page, VERSION};
+use dataset::format::{Baked, Config, FORMAT, Frame, Group, Page, VERSION};
 use dataset::observe::Silent;
 use dataset::store::Writer;
 use serde_json::{Value, json};

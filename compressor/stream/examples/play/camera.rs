@@ -2,7 +2,7 @@
 
 use crate::args::Motion;
 use crate::scene::Scene;
-use dataset::view::Camera;
+use dataset::pictures::Camera;
 use glam::{Mat4, Vec3, Vec4};
 
 /// Metres a second.

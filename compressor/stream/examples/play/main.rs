@@ -10,10 +10,10 @@ mod stats;
 
 use args::{Args, Play, Scenario};
 use clap::Parser;
-use dataset::config::Config;
-use dataset::files::write_atomically;
+use dataset::format::Config;
+use dataset::host::files::write_atomically;
+use dataset::pictures::Camera;
 use dataset::store::Dataset;
-use dataset::view::Camera;
 use draw::{Frame, Picture, Stage, Whole};
 use ndgi::Bundle;
 use ndgi::bundle::Header;
@@ -201,12 +201,12 @@ fn perform(
 /// Compares two pictures at the exposure of the second. Gives the PSNR in decibels, `None` if no pixel has
 /// texels; the number of pixels that are dark in the first alone; and the codes of the first.
 fn compare(streamed: &Picture, wholly: &Picture) -> (Option<f64>, usize, Vec<u8>) {
-    let luminance = |texel: &[f32; 4]| dataset::tone::luminance([texel[0], texel[1], texel[2]]);
+    let luminance = |texel: &[f32; 4]| dataset::pictures::tone::luminance([texel[0], texel[1], texel[2]]);
     let has_texels = |texel: &&[f32; 4]| texel[3] > 0.5;
     let lit = wholly.iter().filter(has_texels);
-    let exposure = (dataset::tone::automatic_exposure(lit.map(luminance)) as f32).exp2();
+    let exposure = (dataset::pictures::tone::automatic_exposure(lit.map(luminance)) as f32).exp2();
     let code = |texel: &[f32; 4]| match texel[3] {
-        0.5.. => [0, 1, 2].map(|c| dataset::tone::code(texel[c] * exposure)),
+        0.5.. => [0, 1, 2].map(|c| dataset::pictures::tone::code(texel[c] * exposure)),
         _ => SKY,
     };
     let codes = |picture: &Picture| -> Vec<u8> { picture.iter().flat_map(code).collect() };
@@ -223,7 +223,7 @@ fn compare(streamed: &Picture, wholly: &Picture) -> (Option<f64>, usize, Vec<u8>
                 && reference[3 * i..3 * i + 3].iter().all(|code| *code >= LIT),
         );
     }
-    let psnr = (count > 0).then(|| dataset::metrics::psnr_db(255.0, sum / count as f64));
+    let psnr = (count > 0).then(|| dataset::pictures::metrics::psnr_db(255.0, sum / count as f64));
     (psnr, unlit, ours)
 }
 

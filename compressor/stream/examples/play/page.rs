@@ -1,7 +1,7 @@
 //! The page of plots.
 
 use crate::stats::{Row, Stats};
-use commands::report::plot::Plot;
+use reports::plot::Plot;
 use serde_json::Value;
 
 /// A scenario that was played.

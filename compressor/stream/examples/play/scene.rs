@@ -1,7 +1,7 @@
 //! The geometry of a dataset, and its copies side by side.
 
 use crate::Result;
-use dataset::view::Camera;
+use dataset::pictures::Camera;
 use glam::{Mat4, Vec2, Vec3};
 use std::path::Path;
 

@@ -1,7 +1,7 @@
 //! Checks layers: their order, that each is of a baked light with an image or black for each frame and page,
 //! and that all lights have layers or none.
 
-use crate::config::{Baked, Config, Layer, Light, Part};
+use crate::format::{Baked, Config, Layer, Light, Part};
 use crate::observe::count;
 
 /// Everything in the layers that is invalid.

@@ -1,7 +1,7 @@
 //! The geometry file: that it is a complete GLB, its accessors lie inside it, and its lightmap coordinates on
 //! pages that exist.
 
-use crate::config::Config;
+use crate::format::Config;
 use crate::observe::count;
 use crate::{Error, Result};
 use gltf::accessor::{Accessor, DataType, Dimensions};

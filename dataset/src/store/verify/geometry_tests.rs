@@ -1,5 +1,5 @@
 use super::*;
-use crate::config::FORMAT;
+use crate::format::FORMAT;
 use serde_json::{Value, json};
 
 /// A manifest with one page.

@@ -1,7 +1,7 @@
 //! Each lightmap is the sum of its layers.
 
 use super::{ROWS, and_others};
-use crate::config::{FileRef, Light};
+use crate::format::{FileRef, Light};
 use crate::image::{Mask, add};
 use crate::store::Dataset;
 use crate::{Error, Result};
@@ -64,7 +64,7 @@ impl Dataset {
         let imported = self.config.source.is_some();
         let mut wrong: Option<(Error, usize)> = None;
         for y0 in (0..height).step_by(ROWS) {
-            crate::signals::stop_if_interrupted()?;
+            crate::host::signals::stop_if_interrupted()?;
             let y1 = (y0 + ROWS).min(height);
             let texels = self.image_rows(map, page, y0, y1)?;
             let sum = shares.sum_rows(self, page, y0, y1)?;

@@ -15,19 +15,19 @@ use crate::bake::prepare::Prepared;
 use crate::bake::samples::{Stream, Worker};
 use crate::bake::store::json;
 use crate::bake::store::sealed;
-use crate::light::visibility_times::VisibilityTimes;
+use crate::light::times::VisibilityTimes;
 use crate::surface::{BLOCK, BlockSurface};
 use crate::trace::counts::RayCounts;
-use crate::trace::lights::SunSample;
-use crate::trace::path::sun_sample;
-use crate::trace::sampler::{Sample, Sequence, SequenceKind};
-use crate::trace::visibility_sampler::{SunAtTime, VisibilitySampler};
+use crate::trace::paths::path::sun_sample;
+use crate::trace::paths::{Sample, Sequence, SequenceKind};
+use crate::trace::sources::SunSample;
+use crate::trace::sources::{SunAtTime, VisibilitySampler};
 use crate::{Error, Result, Rgb};
-use dataset::normals::{png_of, samples_of};
+use dataset::format::normals::{png_of, samples_of};
+use dataset::format::tiles::{Rect, TILE, tiles};
+use dataset::format::visibility;
+use dataset::host::signals::stop_if_interrupted;
 use dataset::observe::Observer;
-use dataset::signals::stop_if_interrupted;
-use dataset::tiles::{Rect, TILE, tiles};
-use dataset::visibility;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -99,14 +99,14 @@ impl<'a> VisibilityBaker<'a> {
         let of_layers = &prepared.digests[..prepared.plan.suns.len()];
         let digest = blake3::hash(&json::bytes(&(decisive, of_layers), "visibility")?).to_hex().to_string();
         let folder = layers.visibility_folder(&digest);
-        dataset::files::create_folders(&folder).map_err(Error::io(&folder))?;
-        dataset::files::remove_stale_temporaries(&folder)?;
+        dataset::host::files::create_folders(&folder).map_err(Error::io(&folder))?;
+        dataset::host::files::remove_stale_temporaries(&folder)?;
         let (kind, stream) = (SequenceKind::Texel, Stream::Visibility as u32);
         let sequence = Sequence::new(worker.seed, kind, SAME_FOR_ALL_TEXELS, stream);
         let samples: Vec<Sample> = (0..points(times)).map(|i| sequence.sample(i)).collect();
         let places: Vec<SunSample> = samples.iter().map(|sample| sun_sample(*sample)).collect();
         // (Tiles that a killed run left are used, and may have names that have not reached the disk.)
-        dataset::files::sync_folder_of(&folder.join("tiles"));
+        dataset::host::files::sync_folder_of(&folder.join("tiles"));
         Ok(VisibilityBaker {
             prepared,
             worker,

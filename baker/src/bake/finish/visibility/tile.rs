@@ -5,14 +5,14 @@
 //! by, changes. Elsewhere it lies on the line between them.
 
 use crate::Rgb;
-use crate::light::sun::SunDisc;
-use crate::light::visibility_times::{VisibilityTimes, mean_direction};
+use crate::light::daylight::SunDisc;
+use crate::light::times::visibility_times::{VisibilityTimes, mean_direction};
 use crate::trace::counts::RayCounts;
-use crate::trace::lights::SunLight;
-use crate::trace::lights::SunSample;
-use crate::trace::space::Space;
-use crate::trace::visibility_sampler::{SunAtTime, VisibilitySampler};
-use dataset::visibility::Planes;
+use crate::trace::solids::Space;
+use crate::trace::sources::SunLight;
+use crate::trace::sources::SunSample;
+use crate::trace::sources::{SunAtTime, VisibilitySampler};
+use dataset::format::Planes;
 use rayon::prelude::*;
 
 /// By level, how far around a texel that changes others are asked, in texels: what is thin moves on over some

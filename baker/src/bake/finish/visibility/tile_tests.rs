@@ -2,9 +2,9 @@ use super::*;
 use crate::geometry::{Geometry, Material};
 use crate::scene::{Sun, SunKey, SunTrack};
 use crate::surface::SurfacePoint;
-use crate::trace::path::{point_pair, sun_sample};
-use crate::trace::ray_tracer::RayTracer;
-use crate::trace::sampler::{Sample, Sequence, SequenceKind};
+use crate::trace::paths::path::{point_pair, sun_sample};
+use crate::trace::paths::{Sample, Sequence, SequenceKind};
+use crate::trace::rays::RayTracer;
 use glam::{DVec3, Vec2, Vec3};
 
 /// A floor of 16 × 2 squares of 0.1 m from x = 1 on, and a wall of 1 m height that stands across x = 0
@@ -122,7 +122,7 @@ fn a_wide_disc_is_seen_in_part() {
     let (planes, _) = planes(&times, 16);
     let edge = (1.0f64 / 2.05).atan().to_degrees();
     let hour = 6.0 + edge / 15.0;
-    let near = dataset::visibility::Between::new(&times.hours, hour);
+    let near = dataset::format::Between::new(&times.hours, hour);
     let level = |time: usize| f32::from(planes.level(10, time)[0]) / 255.0;
     let found = near.lerp(level(near.before), level(near.after));
     // By the cosine: the middle of the upper half stands 4 ÷ 3π of the disc's radius above the centre.

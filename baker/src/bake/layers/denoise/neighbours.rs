@@ -9,7 +9,7 @@ use crate::bake::layers::folder::Texel;
 use crate::bake::samples::{Worker, indices};
 use crate::surface::BlockSurface;
 use crate::trace::counts::RayCounts;
-use crate::trace::space::Receiver;
+use crate::trace::solids::Receiver;
 use glam::{IVec3, Vec2, Vec3};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -282,12 +282,12 @@ fn texel_in_space(
 }
 
 #[cfg(test)]
-pub mod tests {
+pub(super) mod tests {
     use super::*;
 
     /// A floor of n × n texels of a decimetre, around the origin, with a wall that stands on it along x =
     /// 0.05.
-    pub fn floor(n: i32, walled: bool) -> TexelsInSpace {
+    pub(crate) fn floor(n: i32, walled: bool) -> TexelsInSpace {
         let free_distance = |x: i32, aside: Vec2| {
             let distance = (0.5 - x as f32) / aside.normalize().x;
             if walled && distance > 0.0 { (distance * STEPS_PER_TEXEL).min(255.0) as u8 } else { u8::MAX }

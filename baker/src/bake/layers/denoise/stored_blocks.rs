@@ -4,7 +4,7 @@
 use super::texel_in_space::{Key, TexelInSpace};
 use crate::surface::BLOCK;
 use crate::{Error, Result};
-use dataset::system::ReadExactAt;
+use dataset::host::ReadExactAt;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufWriter, Write};

@@ -1,0 +1,23 @@
+//! The room of sky and sun.
+//!
+//! In: the scene's sky, sun and place. Out: tables of the sky's radiance for all hours ([`SkyTable`]), where
+//! it is worth sampling ([`SkySampler`]), and the sun's disc ([`SunDisc`]).
+//!
+//! `sky_model` computes skies (`hosek_wilkie`, twilight), `sky_image` reads pictures, `harmonics` has those of
+//! transfers, `project` turns skies into their coefficients; `ground` is what lies below the horizon.
+
+mod sky_image;
+pub mod harmonics;
+mod hosek_wilkie;
+pub(super) mod sky_model;
+pub mod sky;
+mod sky_sampler;
+pub mod sun;
+pub mod ground;
+pub(crate) mod project;
+
+pub(super) use sky::Illuminance;
+pub use sky::SkyTable;
+pub use sky_sampler::SkySampler;
+pub(crate) use sun::DiscSampler;
+pub use sun::SunDisc;

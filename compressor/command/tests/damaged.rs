@@ -1,0 +1,132 @@
+//! What is damaged is refused by what shows and judges bundles, and repaired by what made them.
+
+#[path = "../../tests/common/mod.rs"]
+mod common;
+
+use common::court::{moving, write};
+use common::islands;
+use compressor::bundle::Bundle;
+use compressor::compress::{DRAFT, Options, compress};
+use compressor::decode::Decoder;
+use compressor::evaluate::{Measures, evaluate};
+use compressor::view::{Options as ViewOptions, Source};
+use dataset::observe::Silent;
+use dataset::store::Dataset;
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+fn options(out: &Path) -> Options {
+    Options { iterations: 60, out: Some(out.to_owned()), ..Options::of(DRAFT) }
+}
+
+fn command(folder: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_compress"));
+    command.current_dir(folder);
+    command
+}
+
+#[test]
+fn damage_in_any_section_is_refused_by_the_viewer_and_repaired_by_a_rerun() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("court");
+    write(&root, moving);
+    let out = root.join("court.ndgi");
+    compress(&root, &options(&out), &Silent).unwrap();
+    let (whole, record) = (fs::read(&out).unwrap(), fs::read(root.join("court.ndgi.run.json")).unwrap());
+    let bundle = Bundle::open(&out).unwrap();
+    let first = bundle.index[0];
+    let last = bundle.index.last().unwrap();
+    assert!(first.ndgi.length > 0 && first.sun.length > 0 && first.shadows.length > 0);
+    // One section at a time, then several of two tiles.
+    let all = [first.ndgi, last.ndgi, first.sun];
+    for parts in [&[first.ndgi][..], &[first.sun], &[first.shadows], &all] {
+        let mut damaged = whole.clone();
+        parts.iter().for_each(|part| damaged[part.offset as usize + 9] ^= 4);
+        fs::write(&out, &damaged).unwrap();
+        let error = Source::open(&root, &ViewOptions::default()).unwrap_err().to_string();
+        assert!(error.contains("tile (") && error.contains("the file is damaged"), "{error}");
+        let outcome = compress(&root, &options(&out), &Silent).unwrap();
+        assert!(!outcome.up_to_date);
+        assert!(fs::read(&out).unwrap() == whole, "{parts:?}");
+        // (Nothing else was trained: the record is the first run's, with its seconds.)
+        assert!(fs::read(root.join("court.ndgi.run.json")).unwrap() == record);
+        assert!(compress(&root, &options(&out), &Silent).unwrap().up_to_date);
+    }
+    // Bytes of no tile: all is made again.
+    let start = bundle.index[0].ndgi.offset as usize;
+    if !bundle.bytes_resident.is_multiple_of(16) {
+        let mut damaged = whole.clone();
+        damaged[start - 1] = 1;
+        fs::write(&out, damaged).unwrap();
+        assert!(!compress(&root, &options(&out), &Silent).unwrap().up_to_date);
+        assert!(fs::read(&out).unwrap() == whole);
+    }
+    assert!(!root.join("court.ndgi.part").exists());
+
+    // A layer with other light, of the same length: what is compared with it would be wrong.
+    let dataset = Dataset::open(&root).unwrap();
+    let file = dataset.config.layers.last().unwrap().files().next().unwrap().clone();
+    let path = dataset.path(&file);
+    let intact = fs::read(&path).unwrap();
+    let mut other = intact.clone();
+    *other.last_mut().unwrap() ^= 1;
+    fs::write(&path, &other).unwrap();
+    let decoder = Decoder::open(&out).unwrap();
+    let error = evaluate(&dataset, &decoder, Measures::default(), &Silent).unwrap_err().to_string();
+    assert!(error.contains(&file.path) && error.contains("the content changed"), "{error}");
+    fs::write(&path, &intact).unwrap();
+    evaluate(&dataset, &decoder, Measures::default(), &Silent).unwrap();
+}
+
+#[test]
+fn names_are_refused_at_once_or_written() {
+    let folder = tempfile::tempdir().unwrap();
+    islands().write(&folder.path().join("isles"));
+    let names = || {
+        let entries = fs::read_dir(folder.path()).unwrap().flatten();
+        entries.map(|entry| entry.file_name()).collect::<Vec<_>>()
+    };
+    // The record is named after the bundle, 9 bytes longer.
+    let refused = |out: &std::ffi::OsStr, code: i32, what: &str| {
+        let output = command(folder.path()).args(["isles", "--draft", "--out"]).arg(out).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(code) && said.contains(what), "{said}");
+        assert_eq!(names(), ["isles"]);
+    };
+    let long = |bytes: usize| format!("{}.ndgi", "a".repeat(bytes - 5));
+    refused(long(256).as_ref(), 1, "a name of 256 bytes is too long here");
+    refused(long(247).as_ref(), 1, "a name of 256 bytes is too long here");
+    #[cfg(unix)]
+    {
+        use std::os::unix::ffi::OsStrExt;
+        let latin = std::ffi::OsStr::from_bytes(b"map\xe9.ndgi");
+        refused(latin, 2, r#"argument 4, "map\xE9.ndgi", is not UTF-8"#);
+    }
+    let out = folder.path().join(long(246));
+    let options = Options { iterations: 10, ..options(&out) };
+    compress(&folder.path().join("isles"), &options, &Silent).unwrap();
+    assert!(compress(&folder.path().join("isles"), &options, &Silent).unwrap().up_to_date);
+    Bundle::open(&out).unwrap().verify().unwrap();
+}
+
+#[cfg(unix)]
+#[test]
+fn a_stopped_server_says_by_which_signal() {
+    let folder = tempfile::tempdir().unwrap();
+    islands().write(folder.path());
+    let out = folder.path().join("isles.ndgi");
+    compress(folder.path(), &Options { iterations: 10, ..options(&out) }, &Silent).unwrap();
+    let mut command = command(folder.path());
+    let mut server =
+        command.args(["view", "--serve=0", ".", "--quiet"]).stdout(Stdio::piped()).spawn().unwrap();
+    let mut url = String::new();
+    BufReader::new(server.stdout.take().unwrap()).read_line(&mut url).unwrap();
+    assert!(url.starts_with("http://127.0.0.1:"), "{url}");
+    // (Not SIGINT: a shell that ran these tests in the background would have it ignored, which servers
+    // respect.)
+    let id = server.id().to_string();
+    assert!(Command::new("kill").args(["-s", "TERM", &id]).status().unwrap().success());
+    assert_eq!(server.wait().unwrap().code(), Some(143));
+}
