@@ -13,6 +13,7 @@ pub mod light;
 pub mod atlas;
 pub mod surface;
 pub mod trace;
+pub mod receivers;
 pub mod bake;
 pub mod preview;
 pub mod starter;

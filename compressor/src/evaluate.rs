@@ -1,8 +1,8 @@
 //! Quality of a bundle against its dataset by the paper's protocol.
 //!
 //! Every frame is decoded at its hour and compared on 128×128 tiles from texel (0, 0) of each page (not the
-//! bundle's, which own 126×126), valid texels only, linear RGB ([`dataset::pictures::metrics`]). A *sample* is one
-//! (tile, frame). A tile without a valid texel is not a sample; samples that are all zero are counted
+//! bundle's, which own 126×126), valid texels only, linear RGB ([`dataset::pictures::metrics`]). A *sample*
+//! is one (tile, frame). A tile without a valid texel is not a sample; samples that are all zero are counted
 //! separately; samples with a constant reference have no dynamic range and are evaluated separately, by
 //! relative error.
 

@@ -1,9 +1,9 @@
 //! Which part of a dataset's light goes into a bundle's maps, and how it is interpolated between frames.
 //!
 //! Where a dataset stores the sun's direct light and visibility separately, maps hold the rest, which is
-//! smooth in time. A layer may have a curve between two frames (`dataset::format::curve`); the bundle then stores
-//! tiles' means at more hours than those of the frames, so that dusk follows its curve and not a straight
-//! line.
+//! smooth in time. A layer may have a curve between two frames (`dataset::format::curve`); the bundle then
+//! stores tiles' means at more hours than those of the frames, so that dusk follows its curve and not a
+//! straight line.
 
 use crate::model::Knot;
 use crate::time::{TimePoint, Timeline};

@@ -23,6 +23,7 @@ use baker::bake::prepare::Part;
 use baker::bake::run::{Denoise, Options, Prepared, Preset, prepare, with_worker};
 use baker::bake::store::Value;
 use baker::light::times::schedule::parse_hours;
+use baker::receivers::SurfaceTexels;
 use dataset::observe::Silent;
 use peer::Peer;
 use std::collections::BTreeMap;
@@ -52,7 +53,7 @@ fn main() {
     let (theirs, reference_layers) = prepared(reference_scene, reference_out);
     let (atlas, _) = ours.atlas().unwrap();
     let texels = layers.texels(&ours.base()).expect("the dataset's layers");
-    let cell_map = CellMap::seeing_nothing(&atlas);
+    let cell_map = CellMap::seeing_nothing(&SurfaceTexels::new(&atlas));
     let plan = &ours.plan;
     let assembler =
         Assembler::new(plan, &ours.geometry, &atlas, (&layers, &ours.digests), texels, &cell_map, 4).unwrap();

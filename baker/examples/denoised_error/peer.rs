@@ -4,9 +4,9 @@
 //! The folder gets, of layer 3, `03.traced.pfm`, `03.own.pfm` and `03.reference.pfm`: images of the virtual
 //! page, black where no texel is valid; and `charts.pfm`, with 1 + the number of each texel's chart, 0 where
 //! it is of none alone. Where `03.peer.pfm` lies beside them, and so for every layer, that is judged too, as
-//! the baker judges bakes (`bake::errors::local_errors`), but by the distance to the reference: by the indirect light
-//! of each set, and by that of each layer; likewise `03.apart.pfm`, a second way of the peer's. `judged.json`
-//! tells.
+//! the baker judges bakes (`bake::errors::local_errors`), but by the distance to the reference: by the
+//! indirect light of each set, and by that of each layer; likewise `03.apart.pfm`, a second way of the
+//! peer's. `judged.json` tells.
 
 use baker::Rgb;
 use baker::bake::errors::Sums;

@@ -30,8 +30,8 @@ use crate::bake::store::SumKinds;
 use crate::bake::store::WorkFolder;
 use crate::bake::store::json;
 use crate::light::times::curves;
+use crate::receivers::SurfaceTexels;
 use crate::scene::{Baked, Scene};
-use crate::surface::FaceBins;
 use crate::trace::counts::RayCounts;
 use crate::trace::paths::Transport;
 use dataset::format::Curve;
@@ -400,7 +400,8 @@ impl Run<'_> {
         let Prepared { plan, digests, .. } = self.prepared;
         let owners = Owners::new(self.atlas);
         let parts = chosen.iter().map(|&layer| (&digests[layer], plan.parts_of(layer)));
-        let valid = ValidTexels::find(self.atlas, &owners, texels, folder, parts)?.by_position(texels);
+        let valid =
+            ValidTexels::find(worker.receivers.size(), &owners, texels, folder, parts)?.by_position(texels);
         let of_chosen: Vec<String> = chosen.iter().map(|&layer| digests[layer].clone()).collect();
         let filtered = match denoiser {
             Some(denoiser) => denoiser.denoise(worker, folder, &of_chosen, (texels, &valid), self.console)?,
@@ -449,7 +450,8 @@ impl Run<'_> {
             let folder = WorkFolder::open(out, &work, &wanted, SumKinds::of(worker.transport.lights))?;
             let cached = prepared.integrator == Integrator::Cached;
             let frames = prepared.frames(chosen);
-            let tracer = Tracer { worker, frames, cell_map, folder: &folder, cached, layers: plan.layers() };
+            let tracer =
+                Tracer { worker, atlas, frames, cell_map, folder: &folder, cached, layers: plan.layers() };
             let (provisional, mut more) = (layers.provisional(), RayCounts::default());
             let mut judge = |tracer: &Tracer, history: &BlockHistory, target: f64| {
                 provisional.clear()?;
@@ -516,7 +518,7 @@ impl Run<'_> {
         let texels = output.texels(&prepared.base())?;
         with_worker(prepared, atlas, &[], |worker| {
             let visibility_baker =
-                VisibilityBaker::new(prepared, &worker, &output.layers, &texels, visibility_times)?;
+                VisibilityBaker::new(prepared, &worker, atlas, &output.layers, &texels, visibility_times)?;
             let (mut files, mut normals) = (Vec::new(), Vec::new());
             sunlight.rays = visibility_baker.pages(console, |number, page| {
                 files.push(writer.add(&format!("visibility-{number}"), "vis", &page.visibility)?);
@@ -540,13 +542,12 @@ pub fn with_worker<T>(
 ) -> Result<T> {
     let Prepared { scene, geometry, plan, .. } = prepared;
     let lights = plan.lights(scene, geometry, layers);
-    let bins = FaceBins::new(atlas);
+    let texels = SurfaceTexels::new(atlas);
     let ray_tracer = prepared.ray_tracer()?;
     let transport = Transport::new(prepared.space(&ray_tracer), &lights, scene.bake.bounces);
     work(Worker {
         transport,
-        atlas,
-        bins: &bins,
+        receivers: &texels,
         seed: scene.bake.seed,
         guaranteed_samples: guaranteed_samples(&prepared.limits),
     })

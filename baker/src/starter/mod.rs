@@ -1,8 +1,8 @@
 //! A scene file to begin with, written for models: what `bake new` does.
 //!
 //! `glowing` knows names of lamps, `units` guesses the unit of length, `up` the upward axis, `dim` what is no
-//! lamp though it emits, [`crate::bake::prepare::openings`] finds windows, `find` puts that together, `write` makes
-//! the text.
+//! lamp though it emits, [`crate::bake::prepare::openings`] finds windows, `find` puts that together, `write`
+//! makes the text.
 
 mod glowing;
 mod units;

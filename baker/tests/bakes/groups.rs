@@ -62,7 +62,7 @@ fn error_of_layers(dataset: &Dataset) -> f64 {
 }
 
 /// Bakes the hall, prints a row of the table in `NUMERICS.md`, and gives its rays per texel but for those
-/// that probe, and the error of its layers.
+/// that find the points of texels, and the error of its layers.
 fn row(groups: usize, size: usize, integrator: Integrator) -> (Outcome, f64, f64) {
     let (stage, text) = hall(groups, size);
     let (outcome, dataset) = stage.bake(&text, "hall", "22", |o| o.integrator = integrator);

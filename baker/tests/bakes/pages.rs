@@ -7,6 +7,7 @@ use baker::bake::finish::{Assembler, BakedParts, Stored};
 use baker::bake::layers::Layers;
 use baker::bake::run::{Denoise, Integrator, Options, prepare};
 use baker::light::times::schedule::parse_hours;
+use baker::receivers::SurfaceTexels;
 use baker::scene::Baked;
 use dataset::format::Light;
 use dataset::observe::Silent;
@@ -100,7 +101,7 @@ fn bands_of_any_height_give_the_same_images() {
     let prepared = prepare(&stage.path("case.toml"), &options, &Silent).unwrap();
     let (atlas, _) = prepared.atlas().unwrap();
     let layers = Layers::new(&stage.path("set"));
-    let cell_map = CellMap::seeing_nothing(&atlas);
+    let cell_map = CellMap::seeing_nothing(&SurfaceTexels::new(&atlas));
     let baked = BakedParts { sun: Baked::All, sky: Baked::All, groups: vec![Baked::All] };
     let stored = |band: usize| {
         let texels = layers.texels(&prepared.base()).expect("the layers' texels");

@@ -8,7 +8,7 @@ use baker::bake::run::{Options, Prepared, prepare};
 use baker::bake::samples::Worker;
 use baker::light::times::schedule::parse_hours;
 use baker::light::times::visibility_times::{VisibilityTimes, sun_path};
-use baker::surface::FaceBins;
+use baker::receivers::SurfaceTexels;
 use baker::trace::paths::Transport;
 use dataset::format::Normals;
 use dataset::format::{Between, Visibility};
@@ -40,11 +40,10 @@ fn find(prepared: &Prepared, layers: &Layers, texels: &[Texel], minutes: f64, fo
     let times = VisibilityTimes::new(scene.sun.as_ref().unwrap(), scene.location.as_ref(), DAY, minutes);
     let (atlas, _) = prepared.atlas().unwrap();
     let lights = prepared.plan.lights(scene, &prepared.geometry, &[]);
-    let (bins, rays) = (FaceBins::new(&atlas), prepared.ray_tracer().unwrap());
+    let (receivers, rays) = (SurfaceTexels::new(&atlas), prepared.ray_tracer().unwrap());
     let transport = Transport::new(prepared.space(&rays), &lights, None);
-    let worker =
-        Worker { transport, atlas: &atlas, bins: &bins, seed: scene.bake.seed, guaranteed_samples: 16 };
-    let visibility_baker = VisibilityBaker::new(prepared, &worker, layers, texels, &times).unwrap();
+    let worker = Worker { transport, receivers: &receivers, seed: scene.bake.seed, guaranteed_samples: 16 };
+    let visibility_baker = VisibilityBaker::new(prepared, &worker, &atlas, layers, texels, &times).unwrap();
     if force {
         std::fs::read_dir(visibility_baker.folder())
             .unwrap()

@@ -57,7 +57,7 @@ const DIVIDERS: [Divider; 7] = [
     Divider { name: "ends on the surfaces", half: 0.025, into: 0.0, two_sided: false },
     Divider { name: "reaches into them", half: 0.025, into: 0.01, two_sided: false },
     Divider { name: "thick, reaches into them", half: 0.25, into: 0.01, two_sided: false },
-    Divider { name: "thinner than probed points are apart", half: 0.003, into: 0.01, two_sided: false },
+    Divider { name: "thinner than points of a texel are apart", half: 0.003, into: 0.01, two_sided: false },
     Divider { name: "thin, ends on the surfaces", half: 0.003, into: 0.0, two_sided: false },
     Divider { name: "one-sided sheet", half: 0.0, into: 0.01, two_sided: false },
     Divider { name: "two-sided sheet", half: 0.0, into: 0.01, two_sided: true },

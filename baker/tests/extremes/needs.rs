@@ -87,7 +87,7 @@ fn only_what_a_scene_holds_is_traced() {
 }
 
 #[test]
-fn without_light_only_probes_are_traced() {
+fn without_light_only_points_are_traced() {
     for integrator in INTEGRATORS {
         let (_, none) = row("no light", &yard(integrator), "0..24", OBJECT);
         assert!(none.path + none.sun + none.lamp + none.sky == 0, "{none:?}");

@@ -205,7 +205,8 @@ pub fn catch_interrupts() {
     signals::catch(|error| line(&format!("error: {error}")));
 }
 
-/// Prints an error with its causes and gives the exit code of a failed command, [`dataset::Error::exit_code`].
+/// Prints an error with its causes and gives the exit code of a failed command,
+/// [`dataset::Error::exit_code`].
 pub fn fail(error: &dataset::Error) -> ExitCode {
     if matches!(error, dataset::Error::Interrupted) && !signals::is_first_to_say() {
         return ExitCode::from(signals::exit_code());

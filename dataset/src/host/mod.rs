@@ -1,5 +1,5 @@
-//! The room of what the machine is asked for, once for all commands: files that are whole or not there, locks,
-//! signals, processes. It knows no format.
+//! The room of what the machine is asked for, once for all commands: files that are whole or not there,
+//! locks, signals, processes. It knows no format.
 //!
 //! In: paths and bytes. Out: the same, durable. Callers: everyone.
 

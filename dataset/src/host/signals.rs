@@ -94,6 +94,7 @@ fn end(say: fn(&Error)) {
 pub struct RemovedAtSignal(PathBuf);
 
 impl RemovedAtSignal {
+    /// Of this path, from now on.
     pub fn new(path: &Path) -> Self {
         LEFTOVERS.lock().unwrap_or_else(PoisonError::into_inner).push(path.to_owned());
         RemovedAtSignal(path.to_owned())

@@ -8,11 +8,13 @@ use super::cache_system::{CacheSystem, LEAST_PATHS, ORDINARY_PATHS, Solution, pa
 use super::endless_light;
 use super::solver_paths::trace;
 use crate::Result;
+use crate::atlas::Atlas;
 use crate::bake::samples::Cache;
 use crate::bake::samples::Worker;
-use crate::bake::store::{ALL_PROBES, BlockState, is_usable};
+use crate::bake::store::{ALL_POINTS, BlockState, is_usable};
 use crate::bake::store::{CACHE, WorkFolder};
-use crate::surface::{BLOCK, BlockSurface};
+use crate::receivers::ReceiverBlock;
+use crate::surface::BLOCK;
 use crate::trace::counts::{RayCounts, sum};
 use crate::trace::irradiance::CacheHalf;
 use crate::trace::irradiance::CacheMap;
@@ -52,33 +54,38 @@ pub(crate) struct Covered {
     counts: RayCounts,
 }
 
-/// Of a block whose texels were probed. Those that reach across a wall stand for one side of it: a path that
-/// lands on the other must not carry its light through the wall.
-pub(crate) fn covered(worker: &Worker, surface: &BlockSurface, probes: &[u16]) -> Covered {
-    let page_index = |texel: usize| surface.page_index(worker.atlas, texel) as u32;
+/// Of a block, with the points of its texels that are surface. Those texels that reach across a wall stand
+/// for one side of it: a path that lands on the other must not carry its light through the wall.
+pub(crate) fn covered(worker: &Worker, surface: &ReceiverBlock, points: &[u16]) -> Covered {
+    let page_index = |texel: usize| surface.page_index(texel) as u32;
     let mut found = Covered {
         texels: surface.covered().map(page_index).collect(),
         split: Vec::new(),
         counts: RayCounts::default(),
     };
-    for (texel, &probes) in surface.covered().zip(probes).filter(|(_, probes)| **probes != ALL_PROBES) {
+    for (texel, &points) in surface.covered().zip(points).filter(|(_, points)| **points != ALL_POINTS) {
         // (What counts as no surface is not solved for: a path that lands there goes on.)
-        if !is_usable(probes) {
+        if !is_usable(points) {
             found.split.push((page_index(texel), Vec::new()));
-        } else if worker.is_split(surface, texel, probes, &mut found.counts) {
-            found.split.push((page_index(texel), worker.surface_points(surface, texel, probes)));
+        } else if worker.is_split(surface, texel, points, &mut found.counts) {
+            found.split.push((page_index(texel), worker.some_points(surface, texel, points)));
         }
     }
     found
 }
 
-/// The map of the cache for what is covered. `layers` are all of the bake, traced now or not: they decide the
-/// size of an entry.
-pub(crate) fn map<'a>(worker: &Worker<'a>, found: Vec<Covered>, layers: usize) -> (CacheMap<'a>, RayCounts) {
+/// The map of the cache for what is covered of the surfaces of an atlas. `layers` are all of the bake, traced
+/// now or not: they decide the size of an entry.
+pub(crate) fn map<'a>(
+    worker: &Worker<'a>,
+    atlas: &'a Atlas,
+    found: Vec<Covered>,
+    layers: usize,
+) -> (CacheMap<'a>, RayCounts) {
     let shift = shift(found.iter().map(|f| f.texels.len()).sum(), layers);
     let covered = found.iter().flat_map(|f| f.texels.iter().map(|&texel| texel as usize));
     let mut map =
-        CacheMap::new(worker.atlas, worker.transport.space.geometry, (shift, most_entries(layers)), covered);
+        CacheMap::new(atlas, worker.transport.space.geometry, (shift, most_entries(layers)), covered);
     let counts = sum(found.iter().map(|f| f.counts));
     let split = found.into_iter().flat_map(|f| f.split);
     split.for_each(|(texel, surface_points)| map.split(texel as usize, surface_points));

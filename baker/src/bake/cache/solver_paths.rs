@@ -96,7 +96,7 @@ fn trace_block(
         .iter()
         .enumerate()
         .filter(|&(i, _)| state.is_usable(i))
-        .filter_map(|(i, &t)| Some((map.of_texel(surface.page_index(worker.atlas, t))?, i)))
+        .filter_map(|(i, &t)| Some((map.of_texel(surface.page_index(t))?, i)))
         .collect();
     texels.sort_unstable();
     let groups: Vec<&[(u32, usize)]> = texels.chunk_by(|a, b| a.0 == b.0).collect();
@@ -117,10 +117,10 @@ fn trace_block(
             let start = |i: usize, counts: &mut RayCounts| {
                 let (_, texel) = group[i * group.len() / paths];
                 let sample = sequence.sample(i as u32);
-                let at = worker.receiver(&surface, covered[texel], sample, state.probes[texel], counts)?;
+                let at = worker.receiver(&surface, covered[texel], sample, state.points[texel], counts)?;
                 Some(Start { number: i, at, sample })
             };
-            // (Texels are probed: none of their points is in a solid.)
+            // (None of the points that are a texel's surface is in a solid.)
             let mut traced = TracedEntry::new(group[0].0, source);
             let mut followed = 0;
             for i in 0..paths {

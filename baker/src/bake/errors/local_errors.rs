@@ -8,12 +8,12 @@
 
 use super::sums::Sums;
 use crate::Rgb;
-use crate::atlas::Atlas;
 use crate::atlas::owners::Owners;
 use crate::bake::samples::{Stream, Worker};
 use crate::bake::store::{BlockState, CELL, CELLS, cell_of};
 use crate::bake::store::{Parts, Value};
-use crate::surface::{BLOCK, BlockSurface};
+use crate::receivers::{PlaceFinder, ReceiverBlock, Receivers};
+use crate::surface::BLOCK;
 use crate::trace::counts::RayCounts;
 use crate::trace::paths::path::point_pair;
 use crate::trace::paths::{Sequence, SequenceKind};
@@ -281,12 +281,8 @@ impl LocalErrorSummary {
 impl CellMap {
     /// Traces 16 rays from texels spread over every cell.
     pub fn find(worker: &Worker, console: &dyn Observer) -> crate::Result<(Self, RayCounts)> {
-        let atlas = worker.atlas;
-        let mut cell_map = CellMap::seeing_nothing(atlas);
-        let mut face_of = vec![NO_CELL; worker.transport.space.geometry.triangles.len()];
-        for (i, face) in atlas.faces.iter().enumerate() {
-            face_of[face.triangle as usize] = i as u32;
-        }
+        let mut cell_map = CellMap::seeing_nothing(worker.receivers);
+        let place_of = worker.receivers.place_finder(worker.transport.space.geometry);
         let blocks = worker.blocks();
         let progress = console.progress("finding visible cells", blocks.len() as u64);
         let of_block = |&block: &usize| -> crate::Result<_> {
@@ -298,7 +294,7 @@ impl CellMap {
             for (cell, texels) in texels.iter().enumerate().filter(|(_, texels)| !texels.is_empty()) {
                 for ray in 0..RAYS_PER_CELL {
                     let texel = texels[ray * texels.len() / RAYS_PER_CELL];
-                    let met = cell_map.trace_seen(worker, &face_of, &surface, texel, &mut rays);
+                    let met = cell_map.trace_seen(worker, &place_of, &surface, texel, &mut rays);
                     met.into_iter().for_each(|met| seen[cell].add(ray, met));
                 }
             }
@@ -314,21 +310,22 @@ impl CellMap {
             }
             rays += counts;
         }
-        cell_map.seen = seen_by_eyes(&seen, |cell| cell_map.beside(atlas, cell));
+        cell_map.seen = seen_by_eyes(&seen, |cell| cell_map.beside(worker.receivers.size(), cell));
         Ok((cell_map, rays))
     }
 
     /// Cells that see nothing: each is judged by its own light.
-    pub fn seeing_nothing(atlas: &Atlas) -> Self {
-        let grid = Grid::new(atlas.width as usize, atlas.height as usize);
-        CellMap { grid, owners: Owners::new(atlas), seen: vec![[NO_CELL; RAYS_PER_CELL]; grid.cells()] }
+    pub fn seeing_nothing(receivers: &dyn Receivers) -> Self {
+        let [width, height] = receivers.size();
+        let grid = Grid::new(width, height);
+        CellMap { grid, owners: receivers.owners(), seen: vec![[NO_CELL; RAYS_PER_CELL]; grid.cells()] }
     }
 
     /// Cells of a page without charts, each of which sees those that `seen` says.
     #[cfg(test)]
     pub fn for_tests(width: usize, height: usize, seen: impl Fn(usize) -> Option<u32>) -> Self {
-        let mut cell_map =
-            CellMap::seeing_nothing(&Atlas::for_tests(width as u32, height as u32, Vec::new()));
+        let atlas = crate::atlas::Atlas::for_tests(width as u32, height as u32, Vec::new());
+        let mut cell_map = CellMap::seeing_nothing(&crate::receivers::SurfaceTexels::new(&atlas));
         for (cell, all) in cell_map.seen.iter_mut().enumerate() {
             *all = [seen(cell).unwrap_or(NO_CELL); RAYS_PER_CELL];
         }
@@ -340,32 +337,30 @@ impl CellMap {
     fn trace_seen(
         &self,
         worker: &Worker,
-        face_of: &[u32],
-        surface: &BlockSurface,
+        place_of: &PlaceFinder,
+        surface: &ReceiverBlock,
         texel: usize,
         rays: &mut RayCounts,
     ) -> Option<(f32, Option<u32>)> {
         // (Whatever the seed of the bake: what is judged does not hang on it.)
-        let index = surface.page_index(worker.atlas, texel) as u32;
+        let index = surface.page_index(texel) as u32;
         let sample = Sequence::new(0, SequenceKind::Texel, index, Stream::VisibleCells as u32).sample(0);
         let space = &worker.transport.space;
-        let at = space.receiver(&surface.sample(worker.atlas, texel, point_pair(sample)))?;
+        let at = surface.receiver(space, texel, point_pair(sample))?;
         rays.inside += 1;
         let (distance, hit) = worker.transport.seen(&at, sample)?;
         let cell = |hit: Hit| {
-            let [a, b, c] = worker.atlas.faces.get(face_of[hit.triangle as usize] as usize)?.corners;
-            let at = a * hit.barycentric.x + b * hit.barycentric.y + c * hit.barycentric.z;
-            let clamped = |v: f32, size: u32| (v.max(0.0) as usize).min(size as usize - 1);
-            Some(self.grid.at(clamped(at.x, worker.atlas.width), clamped(at.y, worker.atlas.height)) as u32)
+            let [x, y] = place_of(&hit)?;
+            Some(self.grid.at(x, y) as u32)
         };
         Some((distance, hit.and_then(cell)))
     }
 
     /// The up to four cells next to a cell on the page whose adjoining texels lie on the same chart as its
     /// own.
-    fn beside(&self, atlas: &Atlas, cell: usize) -> Vec<usize> {
+    fn beside(&self, [width, height]: [usize; 2], cell: usize) -> Vec<usize> {
         let (x, y) = (cell % self.grid.columns * CELL, cell / self.grid.columns * CELL);
-        let is_on_page = |x: usize, y: usize| x < atlas.width as usize && y < atlas.height as usize;
+        let is_on_page = |x: usize, y: usize| x < width && y < height;
         let chart = |x: usize, y: usize| if is_on_page(x, y) { self.owners.of(x, y) } else { None };
         let next = |(dx, dy): (isize, isize)| {
             let along = |step: isize, i: usize| match step {
@@ -394,7 +389,7 @@ impl CellMap {
 
     /// What tells the piece of a texel of a block: its cell of the block, and its chart if it is of one
     /// alone.
-    pub fn piece_of(&self, surface: &BlockSurface, in_block: usize) -> (usize, Option<u32>) {
+    pub fn piece_of(&self, surface: &ReceiverBlock, in_block: usize) -> (usize, Option<u32>) {
         let (x, y) = (surface.x0 + in_block % surface.width, surface.y0 + in_block / surface.width);
         (cell_of(surface, in_block), self.chart_of(x, y))
     }
@@ -448,7 +443,7 @@ pub(crate) fn error(sums: &Sums, floor: f64, bias: f64) -> f64 {
 pub(crate) fn of_block(
     frames: &[Parts],
     lights: &Lights,
-    surface: &BlockSurface,
+    surface: &ReceiverBlock,
     state: &BlockState,
     cell_map: &CellMap,
 ) -> Vec<[Sums; CELLS]> {

@@ -1,7 +1,8 @@
 //! The light that a texel's error is relative to, read from the cache: samples are handed out by it.
 //!
 //! It is not taken from the texels' samples: a texel's own samples must not decide how many it gets
-//! ([`crate::bake::samples::allocate`]). (The cache holds its direct samples, but their number does not follow the shares.)
+//! ([`crate::bake::samples::allocate`]). (The cache holds its direct samples, but their number does not
+//! follow the shares.)
 
 use super::local_errors::{CellMap, Pieces};
 use super::sums::Sums;
@@ -10,7 +11,7 @@ use crate::bake::samples::Worker;
 use crate::bake::samples::distinct;
 use crate::bake::store::{CELLS, cell_of};
 use crate::bake::store::{Parts, Value};
-use crate::surface::BlockSurface;
+use crate::receivers::ReceiverBlock;
 use crate::{Result, Rgb};
 use dataset::host::signals::stop_if_interrupted;
 use rayon::prelude::*;
@@ -73,7 +74,7 @@ impl CachedLight<'_> {
     /// its errors are relative to. That is the mean light of its piece, or its cell's floor if that is more.
     pub(crate) fn local_light(
         &self,
-        surface: &BlockSurface,
+        surface: &ReceiverBlock,
         frames: &[usize],
         floors: &Floors,
     ) -> Vec<Vec<f64>> {
@@ -89,16 +90,16 @@ impl CachedLight<'_> {
         self.light(surface, &pieces, frames).into_iter().zip(frames).map(of_frame).collect()
     }
 
-    fn pieces(&self, surface: &BlockSurface) -> Pieces {
+    fn pieces(&self, surface: &ReceiverBlock) -> Pieces {
         Pieces::new(surface.covered().map(|in_block| self.cell_map.piece_of(surface, in_block)))
     }
 
     /// Per frame, the sums of each piece of a block: light alone. Texels without a cache entry do not count.
-    fn light(&self, surface: &BlockSurface, pieces: &Pieces, frames: &[usize]) -> Vec<Vec<Sums>> {
+    fn light(&self, surface: &ReceiverBlock, pieces: &Pieces, frames: &[usize]) -> Vec<Vec<Sums>> {
         let mut light = vec![pieces.sums(); frames.len()];
         let mut layers = vec![Rgb::ZERO; self.worker.transport.lights.layers()];
         for (texel, in_block) in surface.covered().enumerate() {
-            let Some(entry) = self.cache.map.of_texel(surface.page_index(self.worker.atlas, in_block)) else {
+            let Some(entry) = self.cache.map.of_texel(surface.page_index(in_block)) else {
                 continue;
             };
             layers.fill(Rgb::ZERO);

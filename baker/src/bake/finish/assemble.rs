@@ -140,7 +140,13 @@ impl<'a> Assembler<'a> {
     ) -> Result<Self> {
         let owners = Owners::new(atlas);
         let parts = digests.iter().enumerate().map(|(layer, digest)| (digest, plan.parts_of(layer)));
-        let valid = ValidTexels::find(atlas, &owners, &texels, layers, parts)?;
+        let valid = ValidTexels::find(
+            [atlas.width as usize, atlas.height as usize],
+            &owners,
+            &texels,
+            layers,
+            parts,
+        )?;
         let ValidTexels { mask, light, buried, unlit, black } = valid;
         let pieces = Pieces::of_texels(cell_map, mask.width, texels.iter().map(|texel| texel.index as usize));
         Ok(Assembler {

@@ -37,14 +37,14 @@ const CHANGES: &str = "changes.json";
 pub struct Texel {
     /// Its index on the page, row by row.
     pub index: u32,
-    /// 1 where enough of its probed points are its surface, else 0.
+    /// 1 where enough of its points are its surface, else 0.
     pub usable: u8,
     /// 1 where its surface is closed in by two-sided bodies ([`Space::is_closed_in`]), else 0.
     ///
     /// [`Space::is_closed_in`]: crate::trace::solids::Space::is_closed_in
     pub closed_in: u8,
-    /// The probed points that are its surface, a bit each.
-    pub probes: u16,
+    /// Those of its points that are its surface, a bit each.
+    pub points: u16,
 }
 
 /// The layer of this digest after a filter, under a name that tells what it was made of.
@@ -274,9 +274,9 @@ impl Layers {
             let closed_in = worker.closed_in(&surface, &covered, &state, &mut rays);
             let mut stored: Vec<Vec<Stored>> = vec![Vec::with_capacity(covered.len()); parts.len()];
             for (i, &texel) in covered.iter().enumerate() {
-                let index = surface.page_index(worker.atlas, texel) as u32;
+                let index = surface.page_index(texel) as u32;
                 let (usable, closed_in) = (u8::from(state.is_usable(i)), u8::from(closed_in[i]));
-                texels.push(Texel { index, usable, closed_in, probes: state.probes[i] });
+                texels.push(Texel { index, usable, closed_in, points: state.points[i] });
                 for half in 0..2 {
                     state.indirect(i, half, lights, &mut rest[half]);
                     direct[half].fill(Rgb::ZERO);

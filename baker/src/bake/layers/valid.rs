@@ -8,7 +8,6 @@
 
 use super::folder::{Layers, Texel};
 use crate::Result;
-use crate::atlas::Atlas;
 use crate::atlas::owners::Owners;
 use crate::bake::prepare::Part;
 use dataset::image::Mask;
@@ -29,10 +28,10 @@ pub(crate) struct ValidTexels {
 }
 
 impl ValidTexels {
-    /// Of the covered `texels`, by some layers of the folder: by all that is kept of them, so that the mask
-    /// does not hang on which part of a light lightmaps hold.
+    /// Of the covered `texels` of a page of this size, by some layers of the folder: by all that is kept of
+    /// them, so that the mask does not hang on which part of a light lightmaps hold.
     pub(crate) fn find<'l>(
-        atlas: &Atlas,
+        [width, height]: [usize; 2],
         owners: &Owners,
         texels: &[Texel],
         folder: &Layers,
@@ -46,7 +45,7 @@ impl ValidTexels {
             }
             add_layer(&mut light, texels, &of_layer);
         }
-        Ok(Self::by_light((atlas.width as usize, atlas.height as usize), owners, texels, light))
+        Ok(Self::by_light((width, height), owners, texels, light))
     }
 
     /// Of the covered `texels` of a page of this size, each with this `light`.
@@ -137,13 +136,14 @@ fn is_surrounded(mask: &Mask, closed_in: &Mask, owners: &Owners, texel: usize) -
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::atlas::Atlas;
 
     /// A page of 20 × 16 texels, all of them usable: which is lit, which is closed in.
     fn page(lit: fn(usize, usize) -> bool, closed_in: fn(usize, usize) -> bool) -> ValidTexels {
         let at = |i: usize| (i % 20, i / 20);
         let texel = |i: usize| {
             let (x, y) = at(i);
-            Texel { index: i as u32, usable: 1, closed_in: u8::from(closed_in(x, y)), probes: u16::MAX }
+            Texel { index: i as u32, usable: 1, closed_in: u8::from(closed_in(x, y)), points: u16::MAX }
         };
         let texels: Vec<Texel> = (0..320).map(texel).collect();
         let light = (0..320).map(|i| f32::from(u8::from(lit(at(i).0, at(i).1)))).collect();
@@ -187,7 +187,7 @@ mod tests {
             assert_eq!((found.mask.count(), found.unlit, found.black), (valid, 320 - valid, black));
         }
         // A trace of the light in the open is none; what a lamp inside gives is.
-        let at = |i: u32| Texel { index: i, usable: 1, closed_in: u8::from(i > 1), probes: u16::MAX };
+        let at = |i: u32| Texel { index: i, usable: 1, closed_in: u8::from(i > 1), points: u16::MAX };
         let (texels, mut light) = ([0, 1, 2, 3].map(at), [0.0; 4]);
         add_layer(&mut light, &texels, &[90.0, 0.0, 1e-4, 2e-4]);
         assert_eq!(light, [90.0, 0.0, 0.0, 2e-4]);

@@ -26,8 +26,8 @@ pub struct Round {
     pub frame_errors: Vec<Option<f64>>,
     /// Mean light of every frame over the whole page, of the layers this run traces.
     pub frame_means: Vec<f64>,
-    /// Local errors over all cells and frames, of the layers this run traces ([`crate::bake::errors::local_errors`]);
-    /// `None` without light.
+    /// Local errors over all cells and frames, of the layers this run traces
+    /// ([`crate::bake::errors::local_errors`]); `None` without light.
     pub local: Option<LocalErrorSummary>,
     /// Those of every frame.
     pub local_frames: Vec<Option<LocalErrorSummary>>,

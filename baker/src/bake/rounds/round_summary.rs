@@ -1,7 +1,6 @@
 //! What the blocks of a page reached in a round, all together.
 
 use super::round::Round;
-use crate::atlas::Atlas;
 use crate::bake::errors::Block;
 use crate::bake::errors::{CellMap, LocalErrorSummary};
 use crate::bake::errors::{Errors, Sums, median};
@@ -34,16 +33,16 @@ impl BlockResult {
     }
 }
 
-/// What the blocks reached, all together.
+/// What the blocks of a page of this size reached, all together.
 pub(super) fn summarise(
-    atlas: &Atlas,
+    [width, height]: [usize; 2],
     frames: &[Parts],
     cell_map: &CellMap,
     blocks: &[BlockResult],
     samples: u32,
     seconds: f64,
 ) -> Round {
-    let mut errors = Errors::new(atlas.width as usize, atlas.height as usize, frames.len());
+    let mut errors = Errors::new(width, height, frames.len());
     for block in blocks {
         for (frame, cells) in block.cells.iter().enumerate() {
             let mut all = Sums::default();

@@ -3,7 +3,7 @@
 use crate::bake::errors::UnconvergedCells;
 use crate::bake::samples::Pivot;
 use crate::bake::store::CELLS;
-use crate::surface::BlockSurface;
+use crate::receivers::ReceiverBlock;
 use std::time::Instant;
 
 /// One round. It depends on nothing but the rounds before, so a block that was lost is brought through the
@@ -46,12 +46,12 @@ impl Step {
     }
 
     /// Whether the round has samples for some cell of a block.
-    pub(super) fn concerns(&self, surface: &BlockSurface) -> bool {
+    pub(super) fn concerns(&self, surface: &ReceiverBlock) -> bool {
         self.active(surface).contains(&true)
     }
 
     /// The cells of a block that get samples.
-    pub(super) fn active(&self, surface: &BlockSurface) -> [bool; CELLS] {
+    pub(super) fn active(&self, surface: &ReceiverBlock) -> [bool; CELLS] {
         self.unconverged
             .as_ref()
             .map_or([true; CELLS], |unconverged| unconverged.of_block(surface.x0, surface.y0))

@@ -9,6 +9,7 @@ use super::round::{Round, Traced, note, schedule, stops};
 use super::round_summary::{BlockResult, summarise};
 use super::step::Step;
 use crate::Result;
+use crate::atlas::Atlas;
 use crate::bake::cache::endless_light;
 use crate::bake::cache::{Covered, solve};
 use crate::bake::errors::{CachedLight, Floors};
@@ -21,7 +22,7 @@ use crate::bake::samples::{Class, Histogram, Pivot, classes, distinct, log2_shar
 use crate::bake::store::Parts;
 use crate::bake::store::{BlockState, CELLS, cell_of};
 use crate::bake::store::{DIRECT, PIVOT, ROUNDS, UNSETTLED, WorkFolder};
-use crate::surface::BlockSurface;
+use crate::receivers::ReceiverBlock;
 use crate::trace::counts::{RayCounts, sum};
 use dataset::host::signals::stop_if_interrupted;
 use dataset::observe::{Observer, count};
@@ -33,6 +34,8 @@ use std::time::Instant;
 pub struct Tracer<'a> {
     /// Light, geometry and texels.
     pub worker: Worker<'a>,
+    /// The surfaces that the cache lies on.
+    pub atlas: &'a Atlas,
     /// Per frame, the layers being traced that it is made of.
     pub frames: Vec<Parts>,
     /// The page's cells.
@@ -248,7 +251,7 @@ impl Tracer<'_> {
                 return Err(endless_light::error(self.worker.transport.space.geometry));
             }
             let mut reached = summarise(
-                self.worker.atlas,
+                self.worker.receivers.size(),
                 &self.frames,
                 self.cell_map,
                 &done,
@@ -369,8 +372,8 @@ impl Tracer<'_> {
             progress.advance(1);
             let (pilot_sums, usable) = state.pilot_sums(lights);
             let (is_decided, round) = (!state.direct_budgets.is_empty(), state.round);
-            // (The cache is laid out by it. What was probed is at hand now, and is not read again for that.)
-            let covered = is_cached.then(|| solve::covered(&self.worker, &surface, &state.probes));
+            // (The cache is laid out by it. The points are at hand now, and are not read again for that.)
+            let covered = is_cached.then(|| solve::covered(&self.worker, &surface, &state.points));
             Ok(FoundBlock { pilot_sums, usable, is_lost, is_decided, round, rays, covered })
         };
         let mut found = blocks.par_iter().map(of_block).collect::<Result<Vec<_>>>()?;
@@ -398,12 +401,12 @@ impl Tracer<'_> {
         Ok(Some(BeforeRounds { direct_means, lost, furthest, rays, covered }))
     }
 
-    /// Probes a block's texels and draws its pilot samples and its first ones; whether there was anything to
-    /// do.
-    fn first_light(&self, surface: &BlockSurface, state: &mut BlockState, rays: &mut RayCounts) -> bool {
-        let is_new = state.probes.is_empty() && !state.taken.is_empty();
+    /// Finds the points of a block's texels and draws its pilot samples and its first ones; whether there was
+    /// anything to do.
+    fn first_light(&self, surface: &ReceiverBlock, state: &mut BlockState, rays: &mut RayCounts) -> bool {
+        let is_new = state.points.is_empty() && !state.taken.is_empty();
         if is_new {
-            *rays += self.worker.probe(surface, state);
+            *rays += self.worker.find_points(surface, state);
             *rays += self.worker.first_direct(surface, state);
         }
         is_new
@@ -425,7 +428,7 @@ impl Tracer<'_> {
             traced.without_cache(passes);
             return Ok(Some(SolvedCache { cache: None, is_kept: true }));
         }
-        let (map, counts) = solve::map(&self.worker, covered, self.layers);
+        let (map, counts) = solve::map(&self.worker, self.atlas, covered, self.layers);
         traced.rays += counts;
         let layers = self.worker.transport.lights.layers();
         if let Some(halves) = solve::load(self.folder, map.entries(), layers)? {
@@ -506,7 +509,7 @@ impl Tracer<'_> {
     pub fn block_state(
         &self,
         block: usize,
-        surface: &BlockSurface,
+        surface: &ReceiverBlock,
         history: &BlockHistory,
         rays: &mut RayCounts,
     ) -> Result<BlockState> {
@@ -545,7 +548,7 @@ impl Tracer<'_> {
     fn advance_block(
         &self,
         block: usize,
-        surface: &BlockSurface,
+        surface: &ReceiverBlock,
         state: &mut BlockState,
         step: &Step,
         history: &BlockHistory,
@@ -575,7 +578,7 @@ impl Tracer<'_> {
     fn trace_block(
         &self,
         block: usize,
-        surface: &BlockSurface,
+        surface: &ReceiverBlock,
         step: &Step,
         history: &BlockHistory,
         late: &AtomicBool,
@@ -608,7 +611,7 @@ impl Tracer<'_> {
     /// each frame's mean over the page in the first round. Frames whose mean is 0 do not count.
     fn classes(
         &self,
-        surface: &BlockSurface,
+        surface: &ReceiverBlock,
         state: &BlockState,
         means: &[f64],
         history: &BlockHistory,

@@ -1,5 +1,6 @@
 //! How many samples of indirect light a texel gets: in proportion to how much the samples of the texels
-//! around it differ, relative to the local light ([`crate::bake::errors::local_light`]) or, without a cache, to the page's.
+//! around it differ, relative to the local light ([`crate::bake::errors::local_light`]) or, without a cache,
+//! to the page's.
 //!
 //! The first round decides it for all later ones. A texel's own samples have no say in it: were they asked,
 //! those that met a rare bright path would be given other numbers than those that did not, and the mean would
@@ -8,7 +9,7 @@
 use crate::Rgb;
 use crate::bake::store::Parts;
 use crate::bake::store::{BlockState, CELLS, cell_of};
-use crate::surface::BlockSurface;
+use crate::receivers::ReceiverBlock;
 use crate::trace::sources::Lights;
 
 /// Texels so far to every side are asked. (Three find more of what is local, 5 % of the squared error in the
@@ -100,7 +101,7 @@ fn log2_share(class: Class, pivot: Option<i16>) -> i8 {
 }
 
 /// log₂ of the share of each covered texel, by its class.
-pub(crate) fn log2_shares(classes: &[Class], surface: &BlockSurface, pivot: Pivot) -> Vec<i8> {
+pub(crate) fn log2_shares(classes: &[Class], surface: &ReceiverBlock, pivot: Pivot) -> Vec<i8> {
     let cells: Vec<usize> = surface.covered().map(|in_block| cell_of(surface, in_block)).collect();
     let pivots: Vec<Option<i16>> = match pivot {
         Pivot::OfPage(pivot) => vec![pivot; CELLS],
@@ -136,7 +137,7 @@ pub(crate) fn classes(
     frames: &[&Parts],
     unit: impl Fn(usize, usize) -> f64,
     lights: &Lights,
-    surface: &BlockSurface,
+    surface: &ReceiverBlock,
     state: &BlockState,
 ) -> Vec<Class> {
     let layers = lights.layers();

@@ -1,9 +1,8 @@
-//! What works on blocks of texels: the points of their samples. (Which points are surface: `probe`. What
+//! What works on blocks of texels: the points of their samples. (Which points are surface: `point`. What
 //! light they get: `direct`, `indirect`.)
 
-use crate::atlas::Atlas;
-use crate::bake::store::{ALL_PROBES, BlockState, PROBES};
-use crate::surface::{BlockSurface, FaceBins, SurfacePoint};
+use crate::bake::store::{ALL_POINTS, BlockState, POINTS};
+use crate::receivers::{ReceiverBlock, Receivers};
 use crate::trace::counts::{RayCounts, sum};
 use crate::trace::paths::path::{Transport, point_pair};
 use crate::trace::paths::{Sample, Sequence, SequenceKind};
@@ -18,8 +17,8 @@ pub enum Stream {
     Indirect = 0,
     /// Direct light.
     Direct = 2,
-    /// Points probed for being the texel's surface.
-    Probe = 4,
+    /// The points that tell which surface a texel stands for.
+    Point = 4,
     /// The paths the cache is solved on.
     Solver = 6,
     /// The reference texels are checked against.
@@ -38,10 +37,8 @@ pub enum Stream {
 pub struct Worker<'a> {
     /// Light and geometry.
     pub transport: Transport<'a>,
-    /// Where texels lie.
-    pub atlas: &'a Atlas,
-    /// The faces of each block.
-    pub bins: &'a FaceBins,
+    /// What light is gathered at.
+    pub receivers: &'a dyn Receivers,
     /// Seed of all randomness.
     pub seed: u64,
     /// Least samples of indirect light per texel: all, or towards a target or under a time limit those of the
@@ -52,86 +49,84 @@ pub struct Worker<'a> {
 impl Worker<'_> {
     /// The blocks that hold surface.
     pub fn blocks(&self) -> Vec<usize> {
-        self.bins.occupied()
+        self.receivers.blocks()
     }
 
     /// The surface of a block.
-    pub fn surface(&self, block: usize) -> BlockSurface {
-        BlockSurface::new(self.atlas, self.bins, block)
+    pub fn surface(&self, block: usize) -> ReceiverBlock<'_> {
+        self.receivers.block(block)
     }
 
     /// A texel's samples for one purpose and half. `texel` counts within the block, row by row.
-    pub fn sequence(&self, surface: &BlockSurface, texel: usize, stream: Stream, half: usize) -> Sequence {
-        let index = surface.page_index(self.atlas, texel);
+    pub fn sequence(&self, surface: &ReceiverBlock, texel: usize, stream: Stream, half: usize) -> Sequence {
+        let index = surface.page_index(texel);
         Sequence::new(self.seed, SequenceKind::Texel, index as u32, stream as u32 + half as u32)
     }
 
-    /// The point of a sample. Where only some of the texel's probed points are its surface (`probes` says
-    /// which), it lies around one of those: in the sixteenth of the texel that the probed point stands for,
+    /// The point of a sample. Where only some of the texel's 16 points are its surface (`points` says
+    /// which), it lies around one of those: in the sixteenth of the texel that this point stands for,
     /// as far as it is seen from there.
     pub fn receiver(
         &self,
-        surface: &BlockSurface,
+        surface: &ReceiverBlock,
         texel: usize,
         sample: Sample,
-        probes: u16,
+        points: u16,
         counts: &mut RayCounts,
     ) -> Option<Receiver> {
-        if probes == ALL_PROBES {
+        if points == ALL_POINTS {
             return self.any_point(surface, texel, sample);
         }
         // The k-th set bit; what is left of the number chooses the place around it.
         let u = point_pair(sample);
-        let k = u.x * probes.count_ones() as f32;
-        let probe = indices(probes).nth(k as usize)?;
-        let probed = Self::probed(probe);
+        let k = u.x * points.count_ones() as f32;
+        let point = indices(points).nth(k as usize)?;
+        let place = Self::place(point);
         // (The 16 points of a (0, 2)-sequence lie one in each square of a 4 × 4 grid.)
-        let square = (probed * 4.0).floor();
+        let square = (place * 4.0).floor();
         let around = ((square + Vec2::new(k.fract(), u.y)) / 4.0).min(Vec2::splat(1.0 - f32::EPSILON));
-        let known = self.transport.space.receiver(&surface.sample(self.atlas, texel, probed))?;
-        let at = self.transport.space.receiver(&surface.sample(self.atlas, texel, around));
+        let known = surface.receiver(&self.transport.space, texel, place)?;
+        let at = surface.receiver(&self.transport.space, texel, around);
         Some(at.filter(|at| self.transport.space.sees(&known, at, counts)).unwrap_or(known))
     }
 
     /// The point of a sample, be it inside a solid.
-    pub fn any_point(&self, surface: &BlockSurface, texel: usize, sample: Sample) -> Option<Receiver> {
-        self.transport.space.receiver(&surface.sample(self.atlas, texel, point_pair(sample)))
+    pub fn any_point(&self, surface: &ReceiverBlock, texel: usize, sample: Sample) -> Option<Receiver> {
+        surface.receiver(&self.transport.space, texel, point_pair(sample))
     }
 
     /// Whether points of a texel that are not its surface lie outside solids all the same: on the other side
     /// of a wall.
     pub fn is_split(
         &self,
-        surface: &BlockSurface,
+        surface: &ReceiverBlock,
         texel: usize,
-        probes: u16,
+        points: u16,
         counts: &mut RayCounts,
     ) -> bool {
-        indices(!probes).any(|probe| {
-            let at = self.transport.space.receiver(&self.probe_point(surface, texel, probe));
+        indices(!points).any(|point| {
+            let at = self.point(surface, texel, point);
             at.is_some_and(|at| !self.transport.space.is_inside(&at, counts))
         })
     }
 
-    /// A few of the probed points that are a texel's surface.
-    pub fn surface_points(&self, surface: &BlockSurface, texel: usize, probes: u16) -> Vec<Receiver> {
+    /// A few of the points that are a texel's surface.
+    pub fn some_points(&self, surface: &ReceiverBlock, texel: usize, points: u16) -> Vec<Receiver> {
         const MOST: u32 = 4;
-        let some = indices(probes).step_by(probes.count_ones().div_ceil(MOST).max(1) as usize);
-        some.filter_map(|probe| self.transport.space.receiver(&self.probe_point(surface, texel, probe)))
-            .collect()
+        let some = indices(points).step_by(points.count_ones().div_ceil(MOST).max(1) as usize);
+        some.filter_map(|point| self.point(surface, texel, point)).collect()
     }
 
-    /// One of the probed points that are a texel's surface.
-    pub fn surface_point(&self, surface: &BlockSurface, texel: usize, probes: u16) -> Option<Receiver> {
-        let at = |probe| self.transport.space.receiver(&self.probe_point(surface, texel, probe));
-        indices(probes).find_map(at)
+    /// One of the points that are a texel's surface.
+    pub fn one_point(&self, surface: &ReceiverBlock, texel: usize, points: u16) -> Option<Receiver> {
+        indices(points).find_map(|point| self.point(surface, texel, point))
     }
 
     /// Per covered texel, whether its surface is closed in by two-sided bodies: all of a few points are. What
     /// is not usable is not.
     pub fn closed_in(
         &self,
-        surface: &BlockSurface,
+        surface: &ReceiverBlock,
         covered: &[usize],
         state: &BlockState,
         counts: &mut RayCounts,
@@ -141,7 +136,7 @@ impl Worker<'_> {
         }
         let of = |(i, &texel): (usize, &usize)| {
             let mut counts = RayCounts::default();
-            let points = self.surface_points(surface, texel, state.probes[i]);
+            let points = self.some_points(surface, texel, state.points[i]);
             let is_closed_in = state.is_usable(i)
                 && !points.is_empty()
                 && points.iter().all(|at| self.transport.space.is_closed_in(at, &mut counts));
@@ -152,21 +147,21 @@ impl Worker<'_> {
         found.into_iter().map(|(is_closed_in, _)| is_closed_in).collect()
     }
 
-    /// The point of a texel's surface that is probed under a number.
-    pub fn probe_point(&self, surface: &BlockSurface, texel: usize, probe: u32) -> SurfacePoint {
-        surface.sample(self.atlas, texel, Self::probed(probe))
+    /// The point of a texel with a number.
+    pub fn point(&self, surface: &ReceiverBlock, texel: usize, point: u32) -> Option<Receiver> {
+        surface.receiver(&self.transport.space, texel, Self::place(point))
     }
 
-    /// Where a texel is probed: at the same places in all, whatever the seed. A wall that stands along a row
-    /// of texels then leaves them all the same side, not one or the other by chance.
-    fn probed(probe: u32) -> Vec2 {
+    /// Where the points of a texel lie: at the same places in all, whatever the seed. A wall that stands
+    /// along a row of texels then leaves them all the same side, not one or the other by chance.
+    fn place(point: u32) -> Vec2 {
         // A sequence that stands well apart and has a point near every corner.
         const SPREAD: u32 = 239;
-        point_pair(Sequence::new(0, SequenceKind::Texel, SPREAD, Stream::Probe as u32).sample(probe))
+        point_pair(Sequence::new(0, SequenceKind::Texel, SPREAD, Stream::Point as u32).sample(point))
     }
 }
 
-/// The probed points whose bits are set.
-pub(crate) fn indices(probes: u16) -> impl Iterator<Item = u32> {
-    (0..PROBES).filter(move |&probe| probes >> probe & 1 == 1)
+/// The numbers of the points whose bits are set.
+pub(crate) fn indices(points: u16) -> impl Iterator<Item = u32> {
+    (0..POINTS).filter(move |&point| points >> point & 1 == 1)
 }

@@ -10,7 +10,7 @@
 
 use super::block::{Stream, Worker};
 use crate::bake::store::{BlockState, CELLS, Direct, cell_of};
-use crate::surface::BlockSurface;
+use crate::receivers::ReceiverBlock;
 use crate::trace::counts::{RayCounts, sum};
 use crate::trace::paths::path::sun_sample;
 use crate::trace::sources::FEW_GROUPS;
@@ -72,28 +72,28 @@ fn halved(samples: u16, halvings: u8) -> u16 {
 
 impl Worker<'_> {
     /// Draws the pilot samples and the first ones that count.
-    pub fn first_direct(&self, surface: &BlockSurface, state: &mut BlockState) -> RayCounts {
+    pub fn first_direct(&self, surface: &ReceiverBlock, state: &mut BlockState) -> RayCounts {
         let lights = self.transport.lights.sampled();
         state.pilot_samples = vec![Direct::default(); state.taken.len() * lights];
-        let halvings = self.halvings_of(surface, &state.probes);
+        let halvings = self.halvings_of(surface, &state.points);
         let goals = |samples| halvings.iter().map(|&h| halved(samples, h)).collect::<Vec<u16>>();
         let goals_of_pilot = goals(PILOT_SAMPLES);
         let rays = self.draw_direct(
             surface,
-            &state.probes,
+            &state.points,
             &mut state.pilot_samples,
             &goals_of_pilot,
             &[(Stream::Pilot, 0)],
         );
         let goals = goals(first_samples(self.guaranteed_samples));
-        rays + self.draw_direct(surface, &state.probes, &mut state.direct, &goals, &COUNTED_STREAMS)
+        rays + self.draw_direct(surface, &state.points, &mut state.direct, &goals, &COUNTED_STREAMS)
     }
 
     /// Draws the direct samples that go with `samples` of indirect light, in cells that are `active`. `means`
     /// holds the mean of each light over all pages.
     pub fn more_direct(
         &self,
-        surface: &BlockSurface,
+        surface: &ReceiverBlock,
         state: &mut BlockState,
         active: &[bool; CELLS],
         samples: u32,
@@ -101,7 +101,7 @@ impl Worker<'_> {
     ) -> RayCounts {
         if state.direct_budgets.is_empty() {
             let covered: Vec<usize> = surface.covered().collect();
-            let halvings = self.halvings_of(surface, &state.probes);
+            let halvings = self.halvings_of(surface, &state.points);
             let suns = self.transport.lights.suns.len();
             state.direct_budgets =
                 direct_budgets(surface, &covered, &state.pilot_samples, &halvings, means, suns);
@@ -117,12 +117,12 @@ impl Worker<'_> {
             },
         );
         let goals: Vec<u16> = goals.collect();
-        self.draw_direct(surface, &state.probes, &mut state.direct, &goals, &COUNTED_STREAMS)
+        self.draw_direct(surface, &state.points, &mut state.direct, &goals, &COUNTED_STREAMS)
     }
 
     /// How often the samples of each covered texel and light are halved (`[texel][light]`): as often as the
     /// chance with which the group would be sampled among all of them. Suns are never.
-    fn halvings_of(&self, surface: &BlockSurface, probes: &[u16]) -> Vec<u8> {
+    fn halvings_of(&self, surface: &ReceiverBlock, points: &[u16]) -> Vec<u8> {
         /// A group's light is looked at with one sample at least: more halvings change nothing but what goes
         /// with a thousand samples.
         const MOST: f32 = 4.0;
@@ -131,25 +131,25 @@ impl Worker<'_> {
         let lights = self.transport.lights;
         let (suns, groups) = (lights.suns.len(), lights.groups.len());
         if groups <= FEW_GROUPS {
-            return vec![0; probes.len() * lights.sampled()];
+            return vec![0; points.len() * lights.sampled()];
         }
         let covered: Vec<usize> = surface.covered().collect();
-        let of_texel = |(&texel, &probes): (&usize, &u16)| {
-            let at = self.surface_point(surface, texel, probes);
+        let of_texel = |(&texel, &points): (&usize, &u16)| {
+            let at = self.one_point(surface, texel, points);
             let chances = at.and_then(|at| self.transport.chances(&at, FULLY_SAMPLED));
             let of_groups = chances.unwrap_or_else(|| vec![1.0; groups]).into_iter();
             let halvings = of_groups.map(|chance| (-chance.log2()).floor().min(MOST) as u8);
             std::iter::repeat_n(0, suns).chain(halvings).collect::<Vec<u8>>()
         };
-        covered.par_iter().zip(probes).with_min_len(64).flat_map_iter(of_texel).collect()
+        covered.par_iter().zip(points).with_min_len(64).flat_map_iter(of_texel).collect()
     }
 
     /// Brings the direct light of each texel, stream and light (as `records` are ordered) to as many samples
     /// as `goals` says of its texel and light.
     fn draw_direct(
         &self,
-        surface: &BlockSurface,
-        probes: &[u16],
+        surface: &ReceiverBlock,
+        points: &[u16],
         records: &mut [Direct],
         goals: &[u16],
         streams: &[(Stream, usize)],
@@ -162,12 +162,12 @@ impl Worker<'_> {
         let texels = records
             .par_chunks_mut(streams.len() * lights)
             .zip(goals.par_chunks(lights))
-            .zip(probes)
+            .zip(points)
             .zip(&covered)
             .with_min_len(64);
-        let counts = texels.map(|(((records, goals), &probes), &texel)| {
+        let counts = texels.map(|(((records, goals), &points), &texel)| {
             let mut counts = RayCounts::default();
-            if probes == 0 || interrupted() {
+            if points == 0 || interrupted() {
                 return counts;
             }
             for (records, &(stream, half)) in records.chunks_mut(lights).zip(streams) {
@@ -177,7 +177,7 @@ impl Worker<'_> {
                 let last = goals.iter().copied().max().unwrap_or(0);
                 for i in first.unwrap_or(last)..last {
                     let sample = sequence.sample(u32::from(i));
-                    let at = self.receiver(surface, texel, sample, probes, &mut counts);
+                    let at = self.receiver(surface, texel, sample, points, &mut counts);
                     let sun_sample = sun_sample(sample);
                     for (light, (d, goal)) in records.iter_mut().zip(goals).enumerate() {
                         if d.drawn > i || i >= *goal {
@@ -204,7 +204,7 @@ const COUNTED_STREAMS: [(Stream, usize); 2] = [(Stream::Direct, 0), (Stream::Dir
 /// The [`DirectBudget`] of each covered texel and light (`[texel][light]`), as bytes: how many are worth
 /// their rays, by its pilot samples and those of the texels beside.
 fn direct_budgets(
-    surface: &BlockSurface,
+    surface: &ReceiverBlock,
     covered: &[usize],
     pilot_samples: &[Direct],
     halvings: &[u8],

@@ -5,7 +5,7 @@ use super::allocate::shared;
 use super::block::{Stream, Worker};
 use crate::Rgb;
 use crate::bake::store::{BlockState, CELLS, cell_of};
-use crate::surface::BlockSurface;
+use crate::receivers::ReceiverBlock;
 use crate::trace::counts::{RayCounts, sum};
 use crate::trace::irradiance::BrightFacetIndex;
 use crate::trace::irradiance::CacheHalf;
@@ -72,8 +72,7 @@ impl<'a> Cache<'a> {
         let sides = sides(geometry, &map);
         let find = |selection| BrightSurfaces::new(geometry, &map, &halves, &sides, selection);
         let bright_surfaces: Vec<BrightSurfaces> = all_layers.filter_map(find).collect();
-        let cells =
-            if bright_surfaces.is_empty() { 0 } else { worker.bins.columns * worker.bins.rows * CELLS };
+        let cells = if bright_surfaces.is_empty() { 0 } else { worker.receivers.all_blocks() * CELLS };
         let views = (0..cells).map(|_| OnceLock::new()).collect();
         let facets: Vec<&[BrightFacet]> = bright_surfaces.iter().map(BrightSurfaces::facets).collect();
         let index = BrightFacetIndex::new(geometry.triangles.len(), &facets);
@@ -177,7 +176,7 @@ impl Worker<'_> {
     pub fn indirect(
         &self,
         block: usize,
-        surface: &BlockSurface,
+        surface: &ReceiverBlock,
         state: &mut BlockState,
         active: &[bool; CELLS],
         target: u32,
@@ -201,15 +200,15 @@ impl Worker<'_> {
             .zip(&mut state.taken)
             .zip(&mut state.drawn)
             .zip(&goals)
-            .zip(&state.probes)
+            .zip(&state.points)
             .zip(&covered)
             .with_min_len(64);
         let traced = texels.map_init(
             Vec::new,
-            |pending, ((((((sums, hit_sums), taken), drawn), &goal), &probes), &texel)| {
+            |pending, ((((((sums, hit_sums), taken), drawn), &goal), &points), &texel)| {
                 let mut counts = RayCounts::default();
                 let cell = cell_of(surface, texel);
-                if probes == 0 || !active[cell] || interrupted() {
+                if points == 0 || !active[cell] || interrupted() {
                     return counts;
                 }
                 let visible = cache.map_or(&[][..], |c| c.visible_from(block, cell));
@@ -221,7 +220,7 @@ impl Worker<'_> {
                         cache.map(|cache| CacheReader { cache, half: &cache.halves[half], visible, pending });
                     for i in *drawn..goal {
                         let sample = sequence.sample(i);
-                        if let Some(at) = self.receiver(surface, texel, sample, probes, &mut counts) {
+                        if let Some(at) = self.receiver(surface, texel, sample, points, &mut counts) {
                             taken[half] += 1;
                             self.trace_path(&at, sample, reader.as_mut(), out, hit_light, &mut counts);
                         }
@@ -311,7 +310,7 @@ impl Worker<'_> {
     fn views(
         &self,
         block: usize,
-        surface: &BlockSurface,
+        surface: &ReceiverBlock,
         state: &BlockState,
         active: &[bool; CELLS],
         cache: Option<&Cache>,
@@ -323,8 +322,8 @@ impl Worker<'_> {
             return RayCounts::default();
         };
         let mut texels = vec![Vec::new(); CELLS];
-        for (texel, probes) in surface.covered().zip(&state.probes).filter(|(_, probes)| **probes != 0) {
-            texels[cell_of(surface, texel)].push((texel, *probes));
+        for (texel, points) in surface.covered().zip(&state.points).filter(|(_, points)| **points != 0) {
+            texels[cell_of(surface, texel)].push((texel, *points));
         }
         let find_views = |cell: usize| {
             let (mut counts, texels) = (RayCounts::default(), &texels[cell]);
@@ -334,9 +333,9 @@ impl Worker<'_> {
             }
             let receivers: Vec<(Receiver, Sample)> = (0..most)
                 .filter_map(|k| {
-                    let (texel, probes) = texels[(2 * k + 1) * texels.len() / (2 * most)];
+                    let (texel, points) = texels[(2 * k + 1) * texels.len() / (2 * most)];
                     let sample = self.sequence(surface, texel, Stream::BrightSurfaces, 0).sample(k as u32);
-                    Some((self.receiver(surface, texel, sample, probes, &mut counts)?, sample))
+                    Some((self.receiver(surface, texel, sample, points, &mut counts)?, sample))
                 })
                 .collect();
             let daylight = cache.daylight_for(&receivers);

@@ -12,6 +12,8 @@ mod block;
 mod point;
 pub(super) mod direct;
 mod indirect;
+#[cfg(test)]
+mod air_tests;
 
 pub(super) use allocate::{Class, Histogram, Pivot, classes, distinct, log2_shares};
 pub use block::Worker;

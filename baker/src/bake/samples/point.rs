@@ -9,15 +9,16 @@
 //! open a little. Other squares are cut in four, down to single texels, whose points are asked one by one.
 
 use super::block::Worker;
-use crate::bake::store::{ALL_PROBES, BlockState, PROBES, is_enough};
-use crate::surface::{BLOCK, BlockSurface};
+use crate::bake::store::{ALL_POINTS, BlockState, POINTS, is_enough};
+use crate::receivers::ReceiverBlock;
+use crate::surface::BLOCK;
 use crate::trace::counts::{RayCounts, sum};
 use crate::trace::solids::SurfaceAxes;
 use crate::trace::solids::{Receiver, SurroundingHits};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// A point of a texel: the bit of a probed one, none of others.
+/// A point of a texel: the bit of one of its 16, none of others.
 type Point = (u16, Receiver);
 
 /// Side of the largest squares that are looked at as a whole, in texels; a power of two.
@@ -32,55 +33,56 @@ const HEADROOM: f32 = 0.5;
 struct Square {
     /// Covered texels and the points of each.
     texels: Vec<(usize, Vec<Point>)>,
-    /// The probed points of each that are its surface.
-    probes: Vec<u16>,
+    /// The points of each that are its surface, one bit each.
+    bits: Vec<u16>,
     counts: RayCounts,
 }
 
 impl Worker<'_> {
     /// Finds out which points of the texels are their surface, if that is not known.
-    pub fn probe(&self, surface: &BlockSurface, state: &mut BlockState) -> RayCounts {
-        if !state.probes.is_empty() {
+    pub fn find_points(&self, surface: &ReceiverBlock, state: &mut BlockState) -> RayCounts {
+        if !state.points.is_empty() {
             return RayCounts::default();
         }
         let across = surface.width.div_ceil(SQUARE);
         let squares: Vec<Square> = (0..across * surface.height.div_ceil(SQUARE))
             .into_par_iter()
-            .map(|i| self.probe_square(surface, [i % across * SQUARE, i / across * SQUARE]))
+            .map(|i| self.settle_square(surface, [i % across * SQUARE, i / across * SQUARE]))
             .collect();
-        let mut probes = vec![0; BLOCK * BLOCK];
+        let mut bits = vec![0; BLOCK * BLOCK];
         for square in &squares {
-            square.texels.iter().zip(&square.probes).for_each(|((texel, _), bits)| probes[*texel] = *bits);
+            square.texels.iter().zip(&square.bits).for_each(|((texel, _), points)| bits[*texel] = *points);
         }
-        state.probes = surface.covered().map(|texel| probes[texel]).collect();
+        state.points = surface.covered().map(|texel| bits[texel]).collect();
         sum(squares.into_iter().map(|square| square.counts))
     }
 
-    /// Probes the texels of one of the largest squares of a block.
-    fn probe_square(&self, surface: &BlockSurface, corner: [usize; 2]) -> Square {
+    /// Finds the points of the texels of one of the largest squares of a block.
+    fn settle_square(&self, surface: &ReceiverBlock, corner: [usize; 2]) -> Square {
         let texels = square(surface, corner, SQUARE).map(|texel| (texel, self.points(surface, texel)));
         let texels: Vec<(usize, Vec<Point>)> = texels.collect();
-        let probes = vec![0; texels.len()];
-        let mut known = Square { texels, probes, counts: RayCounts::default() };
+        let bits = vec![0; texels.len()];
+        let mut known = Square { texels, bits, counts: RayCounts::default() };
         self.settle(surface, corner, SQUARE, &mut known);
         known
     }
 
-    /// Probes the texels of a square of this side: at once if it lies in the open, else quarter by quarter.
-    fn settle(&self, surface: &BlockSurface, corner: [usize; 2], side: usize, known: &mut Square) {
+    /// Finds those of the texels of a square of this side: at once if it lies in the open, else quarter by
+    /// quarter.
+    fn settle(&self, surface: &ReceiverBlock, corner: [usize; 2], side: usize, known: &mut Square) {
         let index = |texel: usize| known.texels.binary_search_by_key(&texel, |known| known.0);
         let inside: Vec<usize> =
             square(surface, corner, side).filter_map(|texel| index(texel).ok()).collect();
         let Some(&first) = inside.first() else { return };
         if side == 1 {
             let points = std::mem::take(&mut known.texels[first].1);
-            known.probes[first] = self.probes_of(surface, known.texels[first].0, points, &mut known.counts);
+            known.bits[first] = self.bits_of_texel(surface, known.texels[first].0, points, &mut known.counts);
             return;
         }
-        let along = surface.along(self.atlas, self.transport.space.geometry, known.texels[first].0);
+        let along = surface.along(self.transport.space.geometry, known.texels[first].0);
         let of_all = || inside.iter().flat_map(|&i| &known.texels[i].1).map(|(_, at)| at);
         if self.is_in_the_open(of_all, along, &mut known.counts) {
-            inside.iter().for_each(|&i| known.probes[i] = bits_of(&known.texels[i].1));
+            inside.iter().for_each(|&i| known.bits[i] = bits_of(&known.texels[i].1));
             return;
         }
         let half = side / 2;
@@ -128,62 +130,60 @@ impl Worker<'_> {
                 .any(|(at, _)| space.is_enclosed(at, &mut SurroundingHits::default(), counts))
     }
 
-    /// Which probed points of a texel are its surface, one bit each: those outside solids, and where a wall
+    /// Which of a texel's 16 points are its surface, one bit each: those outside solids, and where a wall
     /// stands on the texel, only the largest group of those that reach each other. No texel mixes the light
     /// of two rooms.
-    pub fn surface_probes(&self, surface: &BlockSurface, texel: usize, counts: &mut RayCounts) -> u16 {
-        self.probes_of(surface, texel, self.points(surface, texel), counts)
+    pub fn surface_points(&self, surface: &ReceiverBlock, texel: usize, counts: &mut RayCounts) -> u16 {
+        self.bits_of_texel(surface, texel, self.points(surface, texel), counts)
     }
 
     /// The points of a texel that tell which of them are its surface.
-    fn points(&self, surface: &BlockSurface, texel: usize) -> Vec<Point> {
-        let probe =
-            |i| Some((1u16 << i, self.transport.space.receiver(&self.probe_point(surface, texel, i))?));
-        let mut points: Vec<Point> = (0..PROBES).filter_map(probe).collect();
+    fn points(&self, surface: &ReceiverBlock, texel: usize) -> Vec<Point> {
+        let point = |i| Some((1u16 << i, self.point(surface, texel, i)?));
+        let mut points: Vec<Point> = (0..POINTS).filter_map(point).collect();
         // A wall that divides the texel stands between one of these points and another, or a corner.
-        let rim = surface.rim(self.atlas, texel).into_iter();
-        points.extend(rim.filter_map(|at| Some((0, self.transport.space.receiver(&at)?))));
+        points.extend(surface.rim(&self.transport.space, texel).into_iter().map(|at| (0, at)));
         points
     }
 
-    /// [`Worker::surface_probes`] of a texel with these points.
-    fn probes_of(
+    /// [`Worker::surface_points`] of a texel with these points.
+    fn bits_of_texel(
         &self,
-        surface: &BlockSurface,
+        surface: &ReceiverBlock,
         texel: usize,
         points: Vec<Point>,
         counts: &mut RayCounts,
     ) -> u16 {
         let space = &self.transport.space;
-        let along = surface.along(self.atlas, space.geometry, texel);
+        let along = surface.along(space.geometry, texel);
         let surface_axes = points.first().and_then(|(_, first)| SurfaceAxes::new(first, along));
         let is_clear = surface_axes
             .is_some_and(|surface_axes| space.is_clear(&surface_axes, points.iter().map(|(_, at)| at), 0.0));
         let groups = if is_clear { vec![points] } else { self.groups(points, counts) };
-        self.probes_of_groups(groups, counts)
+        self.bits_of_groups(groups, counts)
     }
 
-    /// [`Worker::surface_probes`] of a texel whose points reach each other in these groups.
-    fn probes_of_groups(&self, groups: Vec<Vec<Point>>, counts: &mut RayCounts) -> u16 {
+    /// [`Worker::surface_points`] of a texel whose points reach each other in these groups.
+    fn bits_of_groups(&self, groups: Vec<Vec<Point>>, counts: &mut RayCounts) -> u16 {
         let (groups, buried) = self.in_the_open(groups, counts);
         let all = groups.iter().fold(0, |bits, group| bits | bits_of(group));
         let Some((largest, beyond)) = self.largest(groups, counts) else { return 0 };
         let beyond = beyond.or(buried);
-        let probes = bits_of(&largest);
+        let bits = bits_of(&largest);
         // Many small pieces, as under a grating or in grass, are no two rooms.
-        if 4 * probes.count_ones() < all.count_ones() {
+        if 4 * bits.count_ones() < all.count_ones() {
             return all;
         }
-        // All probed points may lie on one side of a wall, and a corner on the other or in the wall: the
+        // All 16 points may lie on one side of a wall, and a corner on the other or in the wall: the
         // point next to it is given up, so that samples keep to where the others are.
         match beyond {
-            Some(beyond) if probes == ALL_PROBES => {
+            Some(beyond) if bits == ALL_POINTS => {
                 let away = |(_, at): &&Point| at.distance_squared(&beyond.1);
-                let probed = largest.iter().filter(|(bit, _)| *bit != 0);
-                let next = probed.min_by(|a, b| away(a).total_cmp(&away(b)));
-                probes & !next.map_or(0, |(bit, _)| *bit)
+                let numbered = largest.iter().filter(|(bit, _)| *bit != 0);
+                let next = numbered.min_by(|a, b| away(a).total_cmp(&away(b)));
+                bits & !next.map_or(0, |(bit, _)| *bit)
             }
-            _ => probes,
+            _ => bits,
         }
     }
 
@@ -280,17 +280,17 @@ impl Worker<'_> {
 }
 
 /// The covered texels of a square of a block, ascending.
-fn square(
-    surface: &BlockSurface,
+fn square<'s>(
+    surface: &'s ReceiverBlock<'_>,
     [x0, y0]: [usize; 2],
     side: usize,
-) -> impl Iterator<Item = usize> + use<'_> {
+) -> impl Iterator<Item = usize> + 's {
     let (columns, rows) = (x0..(x0 + side).min(surface.width), y0..(y0 + side).min(surface.height));
     let all = rows.flat_map(move |y| columns.clone().map(move |x| y * surface.width + x));
     all.filter(|&texel| surface.is_covered(texel))
 }
 
-/// The probed points among some points of a texel, one bit each.
+/// The numbered ones among some points of a texel, one bit each.
 fn bits_of(points: &[Point]) -> u16 {
     points.iter().fold(0, |bits, (bit, _)| bits | bit)
 }

@@ -4,8 +4,8 @@ use super::*;
 use crate::atlas;
 use crate::bake::store::SumKinds;
 use crate::geometry::{Geometry, Instance, Material, Solids};
+use crate::receivers::SurfaceTexels;
 use crate::scene::{Lightmap, LightmapSize};
-use crate::surface::FaceBins;
 use crate::trace::paths::Transport;
 use crate::trace::rays::RayTracer;
 use crate::trace::solids::Space;
@@ -70,42 +70,40 @@ impl Builder {
         self.mesh(&(0..8).map(corner).collect::<Vec<_>>(), &triangles, false, false)
     }
 
-    /// Per texel: its probed points that are its surface, whether it is split, and the centre of those
+    /// Per texel: those of its 16 points that are its surface, whether it is split, and the centre of those
     /// points.
-    fn probes(self, texels_per_metre: f64) -> Vec<(u16, bool, Vec3)> {
-        self.probes_by(texels_per_metre, 1)
+    fn points(self, texels_per_metre: f64) -> Vec<(u16, bool, Vec3)> {
+        self.points_by(texels_per_metre, 1)
     }
 
     /// The same with a seed.
-    fn probes_by(self, texels_per_metre: f64, seed: u64) -> Vec<(u16, bool, Vec3)> {
+    fn points_by(self, texels_per_metre: f64, seed: u64) -> Vec<(u16, bool, Vec3)> {
         let geometry = self.geometry;
         let lightmap =
             Lightmap { size: LightmapSize::TexelsPerMetre(texels_per_metre), ..Lightmap::default() };
         let atlas = atlas::build(&geometry, &lightmap).expect("an atlas");
-        let bins = FaceBins::new(&atlas);
+        let texels = SurfaceTexels::new(&atlas);
         let (rays, lights) = (RayTracer::new(&geometry), Lights::none());
         let space = Space::new(&geometry, &rays).with_solids(Solids::new(&geometry));
         let transport = Transport::new(space, &lights, None);
-        let worker = Worker { transport, atlas: &atlas, bins: &bins, seed, guaranteed_samples: 64 };
+        let worker = Worker { transport, receivers: &texels, seed, guaranteed_samples: 64 };
         let mut found = Vec::new();
         for block in worker.blocks() {
             let surface = worker.surface(block);
             // What squares tell is what every texel tells whose points are all asked.
             let mut state = BlockState::empty(0, SumKinds { layers: 0, sampled: 0, hit_lights: 0 });
-            worker.probe(&surface, &mut state);
+            worker.find_points(&surface, &mut state);
             for (k, texel) in surface.covered().enumerate() {
                 let mut counts = RayCounts::default();
                 let groups = worker.groups(worker.points(&surface, texel), &mut counts);
-                assert_eq!(state.probes[k], worker.probes_of_groups(groups, &mut counts));
-                let probes = worker.surface_probes(&surface, texel, &mut counts);
-                let is_split = probes != ALL_PROBES && worker.is_split(&surface, texel, probes, &mut counts);
-                let points = (0..PROBES).filter(|i| probes >> i & 1 == 1).map(|i| {
-                    let point = worker.probe_point(&surface, texel, i);
-                    let [a, b, c] = geometry.corners(point.triangle as usize);
-                    a * point.barycentric.x + b * point.barycentric.y + c * point.barycentric.z
-                });
+                assert_eq!(state.points[k], worker.bits_of_groups(groups, &mut counts));
+                let bits = worker.surface_points(&surface, texel, &mut counts);
+                let is_split = bits != ALL_POINTS && worker.is_split(&surface, texel, bits, &mut counts);
+                let points = (0..POINTS)
+                    .filter(|i| bits >> i & 1 == 1)
+                    .map(|i| worker.point(&surface, texel, i).expect("a point").origin());
                 let sum: Vec3 = points.sum();
-                found.push((probes, is_split, sum / probes.count_ones().max(1) as f32));
+                found.push((bits, is_split, sum / bits.count_ones().max(1) as f32));
             }
         }
         assert!(found.len() > 20, "{}", found.len());
@@ -151,8 +149,8 @@ fn bulging(is_pipe: bool) -> Builder {
 #[test]
 fn bulging_surfaces_keep_all_points_of_long_texels() {
     for is_pipe in [false, true] {
-        for (probes, _, at) in bulging(is_pipe).probes(3.0) {
-            assert_eq!(probes, ALL_PROBES, "{at} {is_pipe}");
+        for (bits, _, at) in bulging(is_pipe).points(3.0) {
+            assert_eq!(bits, ALL_POINTS, "{at} {is_pipe}");
         }
     }
 }
@@ -162,8 +160,8 @@ fn a_ball_that_rests_on_the_floor_keeps_all_points() {
     // Nothing but the ball is between the points about its lowest one, but there is hardly room for a way
     // around it.
     let floor = bulging(false).quad(vec3(-3.0, -1.0001, 3.0), Vec3::X * 6.0, Vec3::NEG_Z * 6.0, false, false);
-    for (probes, _, at) in floor.probes(3.0) {
-        assert_eq!(probes, ALL_PROBES, "{at}");
+    for (bits, _, at) in floor.points(3.0) {
+        assert_eq!(bits, ALL_POINTS, "{at}");
     }
 }
 
@@ -176,19 +174,19 @@ fn a_bulging_surface_above_another_keeps_all_points() {
         inner.triangles.iter_mut().for_each(|t| t.swap(1, 2));
         b.mesh(&inner.positions, &inner.triangles, false, false)
     };
-    for (probes, _, at) in inner(bulging(true)).probes(3.0) {
-        assert_eq!(probes, ALL_PROBES, "{at}");
+    for (bits, _, at) in inner(bulging(true)).points(3.0) {
+        assert_eq!(bits, ALL_POINTS, "{at}");
     }
 }
 
 #[test]
 fn fins_divide_a_pipe() {
     let fins = bulging(true).quad(vec3(-2.0, -3.0, 0.0), Vec3::X * 4.0, Vec3::Y * 6.0, false, true);
-    let found = fins.probes(3.0);
+    let found = fins.points(3.0);
     assert!(found.iter().any(|f| f.1));
-    for (probes, is_split, at) in found {
+    for (bits, is_split, at) in found {
         // Points on both sides have a centre near the fin; a texel is 33 cm long.
-        assert!(is_split || probes != ALL_PROBES || at.z.abs() > 0.05, "{at}");
+        assert!(is_split || bits != ALL_POINTS || at.z.abs() > 0.05, "{at}");
     }
 }
 
@@ -219,21 +217,21 @@ fn expect_divided(x: f32) {
             _ => 0.0,
         };
         let mut divided = 0;
-        for (probes, is_split, at) in scene.probes(5.0) {
-            divided += u32::from(probes != ALL_PROBES);
+        for (bits, is_split, at) in scene.points(5.0) {
+            divided += u32::from(bits != ALL_POINTS);
             // (Texels of 20 cm; those within half of that of the wall reach across it. One point given up
             // moves the centre by 7 mm.)
             let is_across = at.x.abs() < half + 0.112;
-            match probes {
-                ALL_PROBES => assert!(at.x.abs() > half + 0.09, "{name}: {at}"),
+            match bits {
+                ALL_POINTS => assert!(at.x.abs() > half + 0.09, "{name}: {at}"),
                 0 => assert_eq!(name, "thick"),
                 // (Points in the wall itself do not make it split.)
                 _ => {
                     let told = is_split || !name.contains("sided");
-                    assert!(is_across && (told || half > 0.0), "{name}: {at} {probes:b} {is_split}");
+                    assert!(is_across && (told || half > 0.0), "{name}: {at} {bits:b} {is_split}");
                 }
             }
-            let below = (0.0 < half) && at.x.abs() < half && probes != 0;
+            let below = (0.0 < half) && at.x.abs() < half && bits != 0;
             assert!(!below, "{name}: {at} lies in the wall");
         }
         assert!(divided >= 20, "{name}: {divided}");
@@ -251,7 +249,7 @@ fn a_wall_along_a_row_of_texels_leaves_all_the_same_side_whatever_the_seed() {
     // (Texels of 20 cm, from the wall in a texel's first quarter to its last.)
     for x in [0.0, 0.04, 0.08, 0.12, 0.16] {
         let divided = |seed| -> Vec<(u16, f32)> {
-            let found = scene(x).probes_by(5.0, seed).into_iter();
+            let found = scene(x).points_by(5.0, seed).into_iter();
             found.filter(|f| f.1 && f.2.z.abs() < 1.8).map(|f| (f.0, f.2.x)).collect()
         };
         let [rows, again] = [1, 2].map(divided);
@@ -271,8 +269,8 @@ fn a_texel_keeps_to_the_greater_side_of_a_roof() {
         let wall = wall.quad(vec3(-9.0, -2.0, 9.0), Vec3::X * 18.0, Vec3::NEG_Z * 18.0, false, false);
         let roof = wall.quad(vec3(-5.0, y, 5.0), Vec3::X * 10.0, Vec3::NEG_Z * 10.0, false, false);
         let mut divided = 0;
-        for (probes, is_split, at) in roof.probes(5.0).into_iter().filter(|(_, is_split, _)| *is_split) {
-            assert!(probes.count_ones() >= 8 && (at.y - y).abs() < 0.11, "{y}: {at} {probes:b} {is_split}");
+        for (bits, is_split, at) in roof.points(5.0).into_iter().filter(|(_, is_split, _)| *is_split) {
+            assert!(bits.count_ones() >= 8 && (at.y - y).abs() < 0.11, "{y}: {at} {bits:b} {is_split}");
             divided += 1;
         }
         assert!(divided >= 20, "{y}: {divided}");
@@ -287,10 +285,10 @@ fn what_lies_under_open_ground_is_not_a_walls_surface_though_it_is_more_of_it() 
         let wall = Builder::default().quad(vec3(-2.0, -2.0, 0.0), Vec3::X * 4.0, Vec3::Y * 4.0, true, false);
         let ground = wall.quad(vec3(-5.0, y, 5.0), Vec3::X * 10.0, Vec3::NEG_Z * 10.0, false, false);
         let mut below = 0;
-        for (probes, is_split, at) in ground.probes(5.0) {
+        for (bits, is_split, at) in ground.points(5.0) {
             // (Of a texel with a corner above the ground at most, all is under it.)
-            if is_split && (2..15).contains(&probes.count_ones()) {
-                assert!(at.y > y, "{y}: {at} {probes:b}");
+            if is_split && (2..15).contains(&bits.count_ones()) {
+                assert!(at.y > y, "{y}: {at} {bits:b}");
                 above += 1;
             }
             below += u32::from(at.y < y - 0.2);
@@ -309,8 +307,8 @@ fn ground_between_fine_things_is_ground() {
         scene = scene.quad(vec3(at, 0.0, 1.8), Vec3::NEG_Z * 3.6, Vec3::Y * 0.03, false, true);
         scene = scene.quad(vec3(-1.8, 0.0, at), Vec3::X * 3.6, Vec3::Y * 0.03, false, true);
     }
-    for (probes, _, at) in scene.probes(2.5) {
-        assert!(probes.count_ones() >= 8, "{at}: {probes:b}");
+    for (bits, _, at) in scene.points(2.5) {
+        assert!(bits.count_ones() >= 8, "{at}: {bits:b}");
     }
 }
 
@@ -350,8 +348,8 @@ fn air_is_outside_whatever_stands_about() {
         ("a hem the other way round", hem(floor(), false)),
         ("a block", floor().block(vec3(0.5, 1.0, 0.5), vec3(1.0, 1.5, 1.0))),
     ] {
-        for (probes, _, at) in scene.probes(5.0) {
-            assert_eq!(probes, ALL_PROBES, "{name}: {at}");
+        for (bits, _, at) in scene.points(5.0) {
+            assert_eq!(bits, ALL_POINTS, "{name}: {at}");
         }
     }
 }

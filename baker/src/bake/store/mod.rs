@@ -1,4 +1,5 @@
-//! The room of what is kept while a bake works, and of the values in it. It knows no scene and traces nothing.
+//! The room of what is kept while a bake works, and of the values in it. It knows no scene and traces
+//! nothing.
 //!
 //! In: sums of samples, values of layers, charts of meshes. Out: the same, read back whole or not at all.
 //! Callers: every other room.
@@ -20,7 +21,7 @@ pub(super) use charts::{CHARTS, FOLDER};
 pub use charts::{Charts, Counts};
 pub use state::CELL;
 pub(super) use state::{
-    ALL_PROBES, BlockState, CELLS, Direct, PROBES, SumKinds, cell_of, is_enough, is_usable,
+    ALL_POINTS, BlockState, CELLS, Direct, POINTS, SumKinds, cell_of, is_enough, is_usable,
 };
 pub(super) use value::{Filtered, Stored};
 pub use value::{Parts, Value};

@@ -2,7 +2,8 @@
 
 use super::columns;
 use crate::Rgb;
-use crate::surface::{BLOCK, BlockSurface};
+use crate::receivers::ReceiverBlock;
+use crate::surface::BLOCK;
 use crate::trace::sources::Lights;
 use bytemuck::{Pod, Zeroable};
 
@@ -10,24 +11,24 @@ use bytemuck::{Pod, Zeroable};
 pub const CELL: usize = 16;
 /// Cells of a block.
 pub(crate) const CELLS: usize = (BLOCK / CELL) * (BLOCK / CELL);
-/// Points of a texel that are probed: for lying inside a solid, and for which side of a wall they are on.
-pub(crate) const PROBES: u32 = 16;
+/// Points of a texel that tell which surface it stands for: some may lie inside a solid, or behind a wall.
+pub(crate) const POINTS: u32 = 16;
 /// The bits of all of them.
-pub(crate) const ALL_PROBES: u16 = u16::MAX;
+pub(crate) const ALL_POINTS: u16 = u16::MAX;
 
 /// The cell of a texel (an index within the block, row by row).
-pub(crate) fn cell_of(surface: &BlockSurface, texel: usize) -> usize {
+pub(crate) fn cell_of(surface: &ReceiverBlock, texel: usize) -> usize {
     (texel / surface.width / CELL) * (BLOCK / CELL) + texel % surface.width / CELL
 }
 
-/// Whether so many probed points are a texel's surface that it counts.
-pub(crate) fn is_usable(probes: u16) -> bool {
-    is_enough(probes.count_ones())
+/// Whether so many of a texel's points are its surface that it counts.
+pub(crate) fn is_usable(points: u16) -> bool {
+    is_enough(points.count_ones())
 }
 
-/// Whether so many of a texel's probed points are enough of it.
+/// Whether so many of a texel's points are enough of it.
 pub(crate) fn is_enough(points: u32) -> bool {
-    points >= PROBES / 8
+    points >= POINTS / 8
 }
 
 /// Sums of the direct samples of one light in one half of a texel.
@@ -89,17 +90,17 @@ impl Direct {
 pub struct BlockState {
     /// Rounds completed.
     pub round: u32,
-    /// Per texel, one bit per probed point, set where it is the texel's surface: outside solids, and on the
-    /// side of a wall that the texel stands for ([`crate::bake::samples::Worker::surface_probes`]). Empty before they
-    /// were probed.
-    pub probes: Vec<u16>,
+    /// Per texel, one bit per point, set where it is the texel's surface: outside solids, and on the side of
+    /// a wall that the texel stands for ([`crate::bake::samples::Worker::surface_points`]). Empty before they
+    /// were found.
+    pub points: Vec<u16>,
     /// `[texel][half][sampled light]`.
     pub direct: Vec<Direct>,
     /// `[texel][sampled light]`: pilot samples, by which it is decided how many are drawn; empty before they
     /// are drawn and after the decision.
     pub pilot_samples: Vec<Direct>,
-    /// `[texel][sampled light]`: how many direct samples are drawn, decided once (see [`crate::bake::samples::direct`]);
-    /// empty before that.
+    /// `[texel][sampled light]`: how many direct samples are drawn, decided once (see
+    /// [`crate::bake::samples::direct`]); empty before that.
     pub direct_budgets: Vec<u8>,
     /// Per texel, log₂ of how many times the mean number of samples (the page's, or towards a target its
     /// cell's) it gets of indirect light ([`crate::bake::samples::allocate`]); empty before that is decided.
@@ -139,7 +140,7 @@ impl BlockState {
         let SumKinds { layers, sampled, hit_lights } = kinds;
         BlockState {
             round: 0,
-            probes: Vec::new(),
+            points: Vec::new(),
             direct: vec![Direct::default(); texels * 2 * sampled],
             pilot_samples: Vec::new(),
             direct_budgets: Vec::new(),
@@ -151,9 +152,9 @@ impl BlockState {
         }
     }
 
-    /// Whether enough of a texel's probed points are its surface for it to count.
+    /// Whether enough of a texel's points are its surface for it to count.
     pub fn is_usable(&self, texel: usize) -> bool {
-        is_usable(self.probes.get(texel).copied().unwrap_or(0))
+        is_usable(self.points.get(texel).copied().unwrap_or(0))
     }
 
     /// Sums of the pilot samples' mean direct light of each light over the usable texels, and how many those
@@ -211,10 +212,10 @@ impl BlockState {
 
 const MAGIC: &[u8; 8] = b"TLMBLK09";
 /// Magic, round, texels, layers, sampled lights, lights that paths can meet, and which arrays follow:
-/// [`PROBED`] and so on.
+/// [`KNOWN_POINTS`] and so on.
 const HEADER: usize = 8 + 6 * 4;
-/// Whether texels were probed.
-const PROBED: u32 = 1;
+/// Whether the points of texels were found.
+const KNOWN_POINTS: u32 = 1;
 /// Whether there are pilot samples.
 const PILOT: u32 = 2;
 /// Whether it is decided how many direct samples there are.
@@ -241,7 +242,7 @@ impl BlockState {
                 == [texels, layers, sampled, hit_lights].map(|n| n as u32);
         let (known, records) = (word(5)?, texels * sampled);
         let held = |bit: u32, n: usize| if known & bit == bit { n } else { 0 };
-        state.probes = vec![0; held(PROBED, texels)];
+        state.points = vec![0; held(KNOWN_POINTS, texels)];
         state.pilot_samples = vec![Direct::default(); held(PILOT, records)];
         state.direct_budgets = vec![0; held(DECIDED, records)];
         state.log2_shares = vec![0; held(SHARED, texels)];
@@ -259,7 +260,7 @@ impl BlockState {
     pub fn to_bytes(&self, kinds: SumKinds) -> Vec<u8> {
         let SumKinds { layers, sampled, hit_lights } = kinds;
         let known = [
-            (PROBED, !self.probes.is_empty()),
+            (KNOWN_POINTS, !self.points.is_empty()),
             (PILOT, !self.pilot_samples.is_empty()),
             (DECIDED, !self.direct_budgets.is_empty()),
             (SHARED, !self.log2_shares.is_empty()),
@@ -278,7 +279,7 @@ impl BlockState {
     /// What is kept of it, array by array.
     fn arrays(&self, known: u32) -> Vec<&[u8]> {
         let mut arrays = vec![
-            bytemuck::cast_slice(&self.probes),
+            bytemuck::cast_slice(&self.points),
             bytemuck::cast_slice(&self.direct),
             bytemuck::cast_slice(&self.pilot_samples),
             &self.direct_budgets[..],
@@ -298,7 +299,7 @@ impl BlockState {
     /// The same, to be filled.
     fn arrays_mut(&mut self, known: u32) -> Vec<&mut [u8]> {
         let mut arrays = vec![
-            bytemuck::cast_slice_mut(&mut self.probes),
+            bytemuck::cast_slice_mut(&mut self.points),
             bytemuck::cast_slice_mut(&mut self.direct),
             bytemuck::cast_slice_mut(&mut self.pilot_samples),
             &mut self.direct_budgets[..],
@@ -328,7 +329,7 @@ mod tests {
         state.round = 2;
         state.log2_shares = vec![-1, 0, 1, 3];
         state.drawn = vec![1, 2, 4, 16];
-        state.probes = vec![1, 2, 3, 16];
+        state.points = vec![1, 2, 3, 16];
         state.pilot_samples = vec![Direct { drawn: 3, ..Direct::default() }; 8];
         state.direct_budgets = vec![1; 8];
         state.taken = vec![[1, 2], [3, 4], [5, 6], [7, 8]];

@@ -3,16 +3,16 @@
 //! In: the scene's sky, sun and place. Out: tables of the sky's radiance for all hours ([`SkyTable`]), where
 //! it is worth sampling ([`SkySampler`]), and the sun's disc ([`SunDisc`]).
 //!
-//! `sky_model` computes skies (`hosek_wilkie`, twilight), `sky_image` reads pictures, `harmonics` has those of
-//! transfers, `project` turns skies into their coefficients; `ground` is what lies below the horizon.
+//! `sky_model` computes skies (`hosek_wilkie`, twilight), `sky_image` reads pictures, `harmonics` has those
+//! of transfers, `project` turns skies into their coefficients; `ground` is what lies below the horizon.
 
+pub mod sun;
 mod sky_image;
 pub mod harmonics;
 mod hosek_wilkie;
 pub(super) mod sky_model;
 pub mod sky;
 mod sky_sampler;
-pub mod sun;
 pub mod ground;
 pub(crate) mod project;
 

@@ -5,10 +5,10 @@
 //!
 //! Daylight has facets of its own, shared by all its layers, and so has every group. In a room behind a
 //! portal, daylight has others: what is bright there may be dim beside the sunlit outside. Of more than a few
-//! groups some are sampled with each path ([`crate::trace::sources::light_subset`]). A facet is chosen in proportion to √Σ
-//! (its light ÷ the layer's mean)² over those layers, the best choice for the sum of their relative
-//! variances; and by how much of it arrives at the receiver, which a [`BrightSurfaceView`] holds for clusters
-//! of facets, shadows included.
+//! groups some are sampled with each path ([`crate::trace::sources::light_subset`]). A facet is chosen in
+//! proportion to √Σ (its light ÷ the layer's mean)² over those layers, the best choice for the sum of their
+//! relative variances; and by how much of it arrives at the receiver, which a [`BrightSurfaceView`] holds for
+//! clusters of facets, shadows included.
 
 use super::bright_facets::{BrightFacet, BrightFacets, BrightSelection, Cluster, TriangleSide, point_of};
 use super::cache::CacheMap;

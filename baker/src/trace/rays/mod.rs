@@ -3,8 +3,8 @@
 //! In: triangles. Out: a [`RayTracer`], over our own hierarchy of eight children a node (`bvh8`, built, boxed
 //! and walked by the files of that name) or over Embree; a [`Lens`] for pictures.
 //!
-//! `kernel` walks eight boxes at once (`lanes`, `lanes_x86`), `triangle` is the watertight test, `light_point`
-//! says what hides a point of a light, `pane` what glass does.
+//! `kernel` walks eight boxes at once (`lanes`, `lanes_x86`), `triangle` is the watertight test,
+//! `light_point` says what hides a point of a light, `pane` what glass does.
 
 mod triangle;
 mod lanes;

@@ -97,8 +97,8 @@ pub struct Layer {
     /// `files[frame][page]`; of a light group, whose light does not depend on the hour, `files[0][page]`.
     /// `None` is black.
     pub files: Vec<Vec<Option<FileRef>>>,
-    /// Interpolation between two frames: a [`crate::format::curve::Curve`]; linear without one. Light groups have
-    /// none.
+    /// Interpolation between two frames: a [`crate::format::curve::Curve`]; linear without one. Light groups
+    /// have none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub curve: Option<FileRef>,
 }

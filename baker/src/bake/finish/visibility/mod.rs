@@ -16,7 +16,8 @@ use crate::bake::samples::{Stream, Worker};
 use crate::bake::store::json;
 use crate::bake::store::sealed;
 use crate::light::times::VisibilityTimes;
-use crate::surface::{BLOCK, BlockSurface};
+use crate::receivers::ReceiverBlock;
+use crate::surface::BLOCK;
 use crate::trace::counts::RayCounts;
 use crate::trace::paths::path::sun_sample;
 use crate::trace::paths::{Sample, Sequence, SequenceKind};
@@ -60,6 +61,7 @@ pub struct Page {
 pub struct VisibilityBaker<'a> {
     prepared: &'a Prepared,
     worker: &'a Worker<'a>,
+    atlas: &'a Atlas,
     layers: &'a Layers,
     texels: &'a [Texel],
     times: &'a VisibilityTimes,
@@ -88,6 +90,7 @@ impl<'a> VisibilityBaker<'a> {
     pub fn new(
         prepared: &'a Prepared,
         worker: &'a Worker<'a>,
+        atlas: &'a Atlas,
         layers: &'a Layers,
         texels: &'a [Texel],
         times: &'a VisibilityTimes,
@@ -110,12 +113,13 @@ impl<'a> VisibilityBaker<'a> {
         Ok(VisibilityBaker {
             prepared,
             worker,
+            atlas,
             layers,
             texels,
             times,
             suns: suns_at(times, &places),
             samples,
-            by_tile: by_tile(worker.atlas, texels),
+            by_tile: by_tile(atlas, texels),
             top: top(times),
             folder,
             digest,
@@ -136,7 +140,7 @@ impl<'a> VisibilityBaker<'a> {
         console: &dyn Observer,
         mut each: impl FnMut(usize, Page) -> Result<()>,
     ) -> Result<RayCounts> {
-        let atlas = self.worker.atlas;
+        let atlas = self.atlas;
         let (width, height) = (atlas.width as usize, atlas.page_height as usize);
         let rects = tiles(width, height, TILE);
         let progress = console.progress("the sun's visibility", (rects.len() * atlas.pages as usize) as u64);
@@ -178,7 +182,7 @@ impl<'a> VisibilityBaker<'a> {
 
     /// The tile of a page as it was kept; else finds and keeps it.
     fn kept_or_found(&self, page: usize, number: usize, rect: &Rect) -> Result<(FinishedTile, RayCounts)> {
-        let atlas = self.worker.atlas;
+        let atlas = self.atlas;
         let name = format!("{page}-{number}.tile");
         let (path, label) = (self.folder.join(&name), format!("{}/{name}", self.digest));
         let texels = rect.width() * rect.height();
@@ -239,7 +243,7 @@ impl<'a> VisibilityBaker<'a> {
 
     /// Where the texels of a tile stand among all. `number`: of the tile, of all pages one after the other.
     fn texels_of_tile(&self, number: usize, rect: &Rect, top: usize) -> TileTexels {
-        let across = self.worker.atlas.width as usize;
+        let across = self.atlas.width as usize;
         let texels: Vec<usize> = self.by_tile[number].iter().map(|position| *position as usize).collect();
         let mut by_texel = vec![None; rect.width() * rect.height()];
         for &position in &texels {
@@ -251,26 +255,27 @@ impl<'a> VisibilityBaker<'a> {
     }
 
     /// The blocks that a tile lies in, by their number.
-    fn surfaces(&self, rect: &Rect, top: usize) -> BTreeMap<usize, BlockSurface> {
-        let bins = self.worker.bins;
+    fn surfaces(&self, rect: &Rect, top: usize) -> BTreeMap<usize, ReceiverBlock<'_>> {
         let rows = (top + rect.y0) / BLOCK..(top + rect.y1).div_ceil(BLOCK);
         let columns = rect.x0 / BLOCK..rect.x1.div_ceil(BLOCK);
-        let blocks = rows.flat_map(|row| columns.clone().map(move |column| row * bins.columns + column));
+        let blocks = rows.flat_map(|row| {
+            columns.clone().map(move |column| row * self.worker.receivers.columns() + column)
+        });
         blocks.map(|block| (block, self.worker.surface(block))).collect()
     }
 
     fn visibility_sampler(
         &self,
-        surfaces: &BTreeMap<usize, BlockSurface>,
+        surfaces: &BTreeMap<usize, ReceiverBlock<'_>>,
         texel: &Texel,
         counts: &mut RayCounts,
     ) -> Option<VisibilitySampler> {
-        let across = self.worker.atlas.width as usize;
+        let across = self.atlas.width as usize;
         let (x, y) = (texel.index as usize % across, texel.index as usize / across);
-        let surface = surfaces.get(&self.worker.bins.block_of(x, y))?;
+        let surface = surfaces.get(&self.worker.receivers.block_of(x, y))?;
         let in_block = (y - surface.y0) * surface.width + x - surface.x0;
         let points = self.samples.iter().enumerate().filter_map(|(place, &sample)| {
-            Some((self.worker.receiver(surface, in_block, sample, texel.probes, counts)?, place))
+            Some((self.worker.receiver(surface, in_block, sample, texel.points, counts)?, place))
         });
         VisibilitySampler::new(points.collect())
     }

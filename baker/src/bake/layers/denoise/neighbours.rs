@@ -4,10 +4,9 @@
 use super::stored_blocks::{StoredBlocks, StoredBlocksWriter};
 use super::texel_in_space::{Key, SECTORS, TexelInSpace};
 use crate::Result;
-use crate::atlas::Atlas;
 use crate::bake::layers::folder::Texel;
 use crate::bake::samples::{Worker, indices};
-use crate::surface::BlockSurface;
+use crate::receivers::ReceiverBlock;
 use crate::trace::counts::RayCounts;
 use crate::trace::solids::Receiver;
 use glam::{IVec3, Vec2, Vec3};
@@ -76,7 +75,7 @@ impl TexelsInSpace {
         let of_block = |(block, range): &(usize, Range<u32>)| {
             let (surface, mut counts) = (worker.surface(*block), RayCounts::default());
             let texel_in_space = |(i, texel): (u32, usize)| match valid(i as usize) {
-                true => texel_in_space(worker, &surface, texel, texels[i as usize].probes, &mut counts),
+                true => texel_in_space(worker, &surface, texel, texels[i as usize].points, &mut counts),
                 false => None,
             };
             let texels_in_space: Vec<Option<TexelInSpace>> =
@@ -248,20 +247,20 @@ fn pack(octave: i16, at: IVec3) -> Key {
     first_key(octave) | bits(at.x) << (2 * BITS) | bits(at.y) << BITS | bits(at.z)
 }
 
-/// Where a texel lies: the mean of its probed points that are surface; none where that has no size.
+/// Where a texel lies: the mean of those of its points that are surface; none where that has no size.
 fn texel_in_space(
     worker: &Worker,
-    surface: &BlockSurface,
+    surface: &ReceiverBlock,
     texel: usize,
-    probes: u16,
+    points: u16,
     counts: &mut RayCounts,
 ) -> Option<TexelInSpace> {
-    let (atlas, space): (&Atlas, _) = (worker.atlas, &worker.transport.space);
-    let at = |probe| space.receiver(&worker.probe_point(surface, texel, probe));
-    let points: Vec<Receiver> = indices(probes).filter_map(at).collect();
+    let space = &worker.transport.space;
+    let at = |point| worker.point(surface, texel, point);
+    let points: Vec<Receiver> = indices(points).filter_map(at).collect();
     let position = points.iter().map(Receiver::origin).sum::<Vec3>() / points.len() as f32;
     let normal = points.iter().map(Receiver::normal).sum::<Vec3>().try_normalize()?;
-    let size = surface.along(atlas, space.geometry, texel).length();
+    let size = surface.along(space.geometry, texel).length();
     if !(size > 0.0 && size.is_finite() && position.is_finite()) {
         return None;
     }
