@@ -5,6 +5,8 @@
 //! Unit: linear Rec. 709 whose luminance is in kilolux (irradiance) or kcd/m² (radiance).
 
 #![warn(unreachable_pub)]
+// (Folders tell what is in them, which others need not see.)
+#![allow(rustdoc::private_intra_doc_links)]
 
 mod text;
 pub mod scene;

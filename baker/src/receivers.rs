@@ -1,8 +1,8 @@
-//! What light is gathered at. Today that is the texels of surfaces ([`SurfaceTexels`]); whatever else is to
-//! be lit, such as points in the air, brings [`Receivers`] of its own, and is sampled by the same rooms.
+//! Where light is gathered. Today that is at texels ([`SurfaceTexels`]). Anything else, such as points in the
+//! air, implements [`Receivers`], and is sampled by the same code.
 //!
-//! Receivers lie on a virtual page in blocks of [`BLOCK`]×[`BLOCK`] places, as texels do: so they are stored,
-//! shared out over threads and judged.
+//! Receivers lie on a page in blocks of [`BLOCK`]×[`BLOCK`] places, as texels do. Storage, threads and error
+//! estimates use these blocks.
 
 use crate::atlas::Atlas;
 use crate::atlas::owners::Owners;
@@ -26,7 +26,7 @@ pub trait Receivers: Sync {
     /// Which places belong together, as the texels of one chart do.
     fn owners(&self) -> Owners;
 
-    /// Finds the place that a hit lies at, if it is one.
+    /// Finds the place where a hit lies; `None` if there is none.
     fn place_finder(&self, geometry: &Geometry) -> PlaceFinder<'_>;
 
     /// Blocks across.
@@ -48,8 +48,8 @@ pub trait Receivers: Sync {
 /// Gives the column and row of the place that a hit lies at.
 pub type PlaceFinder<'r> = Box<dyn Fn(&Hit) -> Option<[usize; 2]> + Sync + 'r>;
 
-/// The points of the places of a block. (A place counts within the block, row by row.)
-pub trait Points {
+/// The points of the places of a block. A place is an index within its block, row by row.
+pub trait PlacePoints {
     /// Whether light is gathered at a place.
     fn is_covered(&self, place: usize) -> bool;
 
@@ -75,7 +75,7 @@ pub struct ReceiverBlock<'r> {
     pub height: usize,
     /// Places across the page.
     page_width: usize,
-    points: Box<dyn Points + Sync + Send + 'r>,
+    points: Box<dyn PlacePoints + Sync + Send + 'r>,
 }
 
 impl<'r> ReceiverBlock<'r> {
@@ -83,7 +83,7 @@ impl<'r> ReceiverBlock<'r> {
     pub fn new(
         [page_width, page_height]: [usize; 2],
         block: usize,
-        points: Box<dyn Points + Sync + Send + 'r>,
+        points: Box<dyn PlacePoints + Sync + Send + 'r>,
     ) -> Self {
         let columns = page_width.div_ceil(BLOCK);
         let (x0, y0) = (block % columns * BLOCK, block / columns * BLOCK);
@@ -106,17 +106,17 @@ impl<'r> ReceiverBlock<'r> {
         (self.y0 + place / self.width) * self.page_width + self.x0 + place % self.width
     }
 
-    /// As [`Points::receiver`].
+    /// As [`PlacePoints::receiver`].
     pub fn receiver(&self, space: &Space, place: usize, u: Vec2) -> Option<Receiver> {
         self.points.receiver(space, place, u)
     }
 
-    /// As [`Points::rim`].
+    /// As [`PlacePoints::rim`].
     pub fn rim(&self, space: &Space, place: usize) -> Vec<Receiver> {
         self.points.rim(space, place)
     }
 
-    /// As [`Points::along`].
+    /// As [`PlacePoints::along`].
     pub fn along(&self, geometry: &Geometry, place: usize) -> Vec3 {
         self.points.along(geometry, place)
     }
@@ -174,7 +174,7 @@ struct TexelPoints<'a> {
     surface: BlockSurface,
 }
 
-impl Points for TexelPoints<'_> {
+impl PlacePoints for TexelPoints<'_> {
     fn is_covered(&self, texel: usize) -> bool {
         self.surface.is_covered(texel)
     }

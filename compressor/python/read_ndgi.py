@@ -57,7 +57,7 @@ class Bundle:
         self.data, self.at, self.index, self.suns = open(path, 'rb').read(), 0, {}, {}
         magic, version, end, length, digest = self.take('8sIIQQ')
         check(magic == b'NDGI\r\n\x1a\n', 'not an NDGI bundle')
-        check(version == 4, f'bundle version {version}; this reader reads version 4' + ': compress its dataset again' * (version < 4))
+        check(version == 4, f'bundle version {version}; this reader reads version 4: ' + ('compress its dataset again' if version < 4 else 'use a newer one'))
         check(end % 16 == 0 and 80 <= end <= min(2**28, length) and length == len(self.data), 'header damaged, or file truncated')
         check(checksum(self.data[:24] + self.data[32:end]) == digest, 'header damaged')
         side, border, self.n, between, pages, groups, streams, times, seen, zero, block = self.take('10IQ')

@@ -3,9 +3,11 @@
 //!
 //! Modules are listed in the order of the data flow; a module imports only those above it. The decoder is a
 //! separate crate, [`ndgi`], whose modules are re-exported here. Of the modules below, `evaluate` needs only
-//! `mean`.
+//! `law` and `mean`.
 
 #![warn(unreachable_pub)]
+// (Folders tell what is in them, which others need not see.)
+#![allow(rustdoc::private_intra_doc_links)]
 
 pub use ndgi::{bc7, bundle, decode, grid, lanes, model, sun, time};
 

@@ -74,7 +74,7 @@ pub fn quality(evaluation: &Evaluation, remarks: &[String]) -> Section {
         "Decoded from the written bundle. Tiles of 128×128 texels, valid texels only, linear RGB; peak = the tile's largest valid \
          value; means over tiles. Pooled: from the mean squared error relative to the peak. 8-bit: after an output of three \
          mantissas and a shared exponent. Log: of ln(1 + E/ε), ε a thousandth of the page's mean, where equal ratios weigh the same. In the \
-         dark: the relative error over the darkest quarter of the set's texels, whose mean counts as a thousandth of the set's where it is \
+         dark: the relative error over the darkest quarter of the frame's texels, whose mean counts as a thousandth of the frame's where it is \
          less. The noise ceiling is the bake's own sampling error as a PSNR: above it, a bundle is closer to this bake than this bake is to the truth.",
     );
     section.list(&remarks.iter().cloned().chain(evaluation.remarks()).collect::<Vec<_>>());

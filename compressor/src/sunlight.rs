@@ -6,8 +6,8 @@
 //! the frames are met up to the rounding of levels, normals (about a degree) and the sun's path (0.3 %).
 //! Where the sun grazes a texel, and its light is next to none, the dataset's own visibility counts.
 
-mod moving;
 pub mod words;
+mod moving;
 
 pub use moving::Seen;
 

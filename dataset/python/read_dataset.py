@@ -19,8 +19,12 @@ class Dataset:
             whole = json.loads((self.root / 'layers.json').read_text('utf-8'))
             files = [file for each in whole['layers'] for row in each['files'] for file in row if file]
             self.config = whole if all((self.root / file['path']).exists() for file in files) else self.config
-        if self.config.get('format') != 'temporal-lightmaps' or self.config['version'] != 2:
-            raise ValueError('not a temporal lightmap dataset of version 2')
+        version = self.config.get('version')
+        if self.config.get('format') != 'temporal-lightmaps':
+            raise ValueError(f'{self.root}: not a temporal lightmap dataset')
+        if version != 2:
+            what = 'use a newer one' if isinstance(version, int) and version > 2 else 'bake or import the dataset again'
+            raise ValueError(f'{self.root}: format version {version}; this reader reads version 2; {what}')
         self.frames = self.config['frames']
         self.hours, self.verified = [frame['hour'] for frame in self.frames], set()
     def data(self, file):

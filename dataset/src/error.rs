@@ -1,6 +1,5 @@
 //! The error type of all three crates: what is wrong, and where.
 
-use crate::host::signals;
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
@@ -85,15 +84,15 @@ impl Error {
     }
 
     /// The exit code of a command that failed with this error: [`TRY_AGAIN`] if the same command can succeed
-    /// later (a busy folder, missing parts, a full disk, an unavailable file server), 1 if it cannot, 128 +
-    /// the signal's number if a signal ended it.
+    /// later (a busy folder, missing parts, a full disk, an unavailable file server), 1 if it cannot, 130 if
+    /// it was interrupted (a command tells by which signal: [`crate::host::signals::exit_code`]).
     pub fn exit_code(&self) -> u8 {
         match self {
             Error::Invalid { .. } | Error::Unsupported { .. } => 1,
             Error::Unready { .. } => TRY_AGAIN,
             Error::Io { source, .. } if passes(source) => TRY_AGAIN,
             Error::Io { .. } => 1,
-            Error::Interrupted => signals::exit_code(),
+            Error::Interrupted => INTERRUPTED,
         }
     }
 }
@@ -109,6 +108,8 @@ pub fn of_bundle(error: ndgi::Error) -> Error {
 
 /// Exit code `EX_TEMPFAIL` of sysexits.h: schedulers can be set to rerun such jobs.
 pub const TRY_AGAIN: u8 = 75;
+/// Exit code of an interrupted job: 128 + SIGINT, as of shells.
+const INTERRUPTED: u8 = 130;
 
 /// True if a system error can go away without changing the command.
 fn passes(error: &io::Error) -> bool {

@@ -1,6 +1,7 @@
 //! Images in memory and their files: RGB float32 EXR and 8-bit masks.
 
 use crate::{Error, Result};
+use glam::{Vec2, Vec3};
 use image::ImageDecoder;
 use std::fs::File;
 use std::io::BufReader;
@@ -44,6 +45,24 @@ impl Image {
     /// A black image.
     pub fn black(width: usize, height: usize) -> Self {
         Image { width, height, texels: vec![[0.0; 3]; width * height] }
+    }
+
+    /// The light at a place in texels, whose centres stand at (i + ½), as a game's bilinear filter reads it;
+    /// the edge goes on outside.
+    ///
+    /// # Panics
+    /// If the image has no texels.
+    pub fn at(&self, place: Vec2) -> Vec3 {
+        let place = place - 0.5;
+        let (low, f) = (place.floor(), place - place.floor());
+        // (Negative numbers become 0.)
+        let texel = |x: f32, y: f32| {
+            let (x, y) = ((x as usize).min(self.width - 1), (y as usize).min(self.height - 1));
+            Vec3::from(self.texels[y * self.width + x])
+        };
+        let upper = texel(low.x, low.y).lerp(texel(low.x + 1.0, low.y), f.x);
+        let lower = texel(low.x, low.y + 1.0).lerp(texel(low.x + 1.0, low.y + 1.0), f.x);
+        upper.lerp(lower, f.y)
     }
 
     /// The image as the bytes of an EXR file (channels R, G, B; float32; RLE), the same for the same texels.
@@ -193,4 +212,25 @@ pub(crate) fn encode_png_by(
         .write_image(samples, width as u32, height as u32, colour)
         .expect("writing a valid picture into memory cannot fail");
     bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texels_are_read_at_their_centres_and_between() {
+        let texels = [[0.0, 0.0, 4.0], [1.0, 0.0, 4.0], [2.0, 8.0, 4.0], [3.0, 8.0, 4.0]].to_vec();
+        let image = Image { width: 2, height: 2, texels };
+        for (place, expected) in [
+            ([0.5, 0.5], [0.0, 0.0, 4.0]),
+            ([1.5, 1.5], [3.0, 8.0, 4.0]),
+            ([1.0, 0.5], [0.5, 0.0, 4.0]),
+            ([1.0, 1.25], [2.0, 6.0, 4.0]),
+            ([0.0, 0.0], [0.0, 0.0, 4.0]),
+            ([9.0, 1.5], [3.0, 8.0, 4.0]),
+        ] {
+            assert_eq!(image.at(Vec2::from_array(place)).to_array(), expected, "{place:?}");
+        }
+    }
 }

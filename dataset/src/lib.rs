@@ -4,9 +4,11 @@
 //! Modules are listed in the order of the data flow; a module imports only those above it.
 
 #![warn(unreachable_pub)]
+// (Folders tell what is in them, which others need not see.)
+#![allow(rustdoc::private_intra_doc_links)]
 
-pub mod host;
 pub mod error;
+pub mod host;
 pub mod observe;
 pub mod typed;
 pub mod digest;

@@ -203,11 +203,12 @@ fn parse(place: &Path, bytes: &[u8]) -> Result<Config> {
     // The version decides how the rest is read, so it is checked first.
     let value = parse_manifest(place, bytes)?;
     let unsupported = |what: String| Err(Error::unsupported(place.display(), what));
-    let version = value.get("version").and_then(serde_json::Value::as_u64);
-    if let Some(version) = version.filter(|&version| version != u64::from(VERSION)) {
-        let advice = match version > u64::from(VERSION) {
-            true => "use a newer one",
-            false => "bake or import the dataset again",
+    let version = &value["version"];
+    if version.as_u64() != Some(VERSION.into()) {
+        let advice = match version.as_u64() {
+            Some(version) if version > VERSION.into() => "use a newer one",
+            Some(_) => "bake or import the dataset again",
+            None => "expected that number",
         };
         return unsupported(format!(
             "format version {version}; this program reads version {VERSION}; {advice}"

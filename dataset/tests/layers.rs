@@ -158,7 +158,7 @@ fn words_that_the_manifest_does_not_know_are_refused() {
             "unknown field `layers`",
         ),
         ("/version", 1.into(), "format version 1; this program reads version 2"),
-        ("/version", "2".into(), "invalid type: string \"2\""),
+        ("/version", "2".into(), "format version \"2\"; this program reads version 2; expected that number"),
     ];
     for (pointer, value, word) in cases {
         let mut bad = good.clone();

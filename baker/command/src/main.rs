@@ -9,7 +9,7 @@ use baker::bake::forecast::views;
 use baker::bake::forecast::{DiskSpace, in_words as bytes};
 use baker::bake::forecast::{ESCAPE_RAYS, Forecast, forecast, scale};
 use baker::bake::output::{Point, Prediction, predict};
-use baker::bake::output::{REPORT, replacement_note};
+use baker::bake::output::{REPORT_FILE, replacement_note};
 use baker::bake::output::{skipped, unwrapped};
 use baker::bake::prepare::hour;
 use baker::bake::run::{Denoise, Integrator, Options, Outcome, Preset, bake, prepare};
@@ -281,14 +281,14 @@ fn run(args: &Args, console: &Console) -> Result<()> {
             Err(error) => return Err(error),
         }
         judged.sections.into_iter().for_each(|section| report.push(section));
-    } else if !outcome.up_to_date || !outcome.dataset.join(REPORT).exists() {
+    } else if !outcome.up_to_date || !outcome.dataset.join(REPORT_FILE).exists() {
         page::scene::section(&dataset)?.into_iter().for_each(|section| report.lead(section));
     }
     // With the compression's summary on top, the other sections start collapsed.
     let fold = |section: Section| if args.compress { section.folded() } else { section };
     report.push(fold(page::preview::section(&dataset)?));
     report.push(fold(report::section(&outcome, &dataset)?));
-    let path = outcome.dataset.join(REPORT);
+    let path = outcome.dataset.join(REPORT_FILE);
     // Nothing new: a report that stands there may tell more, of the compressor too.
     if args.compress || !outcome.up_to_date || !path.exists() {
         report.write(&path)?;

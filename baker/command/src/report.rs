@@ -3,7 +3,7 @@
 use baker::Result;
 use baker::bake::errors::{EYE_ROOM, LEAST_IRRADIANCE, LocalErrorSummary, PICTURE_STEP, VISIBLE_PART};
 use baker::bake::finish::{Check, FrameCheck};
-use baker::bake::output::ERRORS;
+use baker::bake::output::ERRORS_FILE;
 use baker::bake::run::{Integrator, Outcome};
 use baker::bake::store::CELL;
 use dataset::image::Image;
@@ -113,7 +113,7 @@ fn error_picture(outcome: &Outcome, dataset: &Dataset) -> Result<Option<(String,
     let config = &dataset.config;
     // (What is wrong with the geometry is told where the scene is shown.)
     let Ok(Some(view)) = View::of(dataset, PICTURE) else { return Ok(None) };
-    let Ok(errors) = image::open(dataset.root.join(ERRORS)) else { return Ok(None) };
+    let Ok(errors) = image::open(dataset.root.join(ERRORS_FILE)) else { return Ok(None) };
     let errors = errors.to_luma8();
     let heights: Vec<usize> = config.pages.iter().map(|page| page.height as usize).collect();
     let light = view.light(config, |page, rows| {

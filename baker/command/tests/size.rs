@@ -114,9 +114,7 @@ fn an_all_but_empty_page_of_16384_by_256() {
     // One square fills 1.5 % of it. Time and memory are those of the command as a user runs it.
     let obj = Obj::default().mesh("floor").floor(DVec3::ZERO, 1.0);
     let stage = Stage::new(&[("a.obj", obj.text())]);
-    let scene = format!(
-        "[sky]\nmodel = \"constant\"\nradiance = [1, 1, 1]\n[[object]]\nfile = \"a.obj\"\n[lightmap]\nsize = [16384, 256]\n[bake]\nsamples = 2\nbounces = 0\n"
-    );
+    let scene = "[sky]\nmodel = \"constant\"\nradiance = [1, 1, 1]\n[[object]]\nfile = \"a.obj\"\n[lightmap]\nsize = [16384, 256]\n[bake]\nsamples = 2\nbounces = 0\n";
     stage.write("wide.toml", scene.as_bytes());
     let out = stage.path("wide");
     let (seconds, bytes) = run_and_watch(

@@ -48,6 +48,12 @@ impl Owners {
         Owners { columns, chart_of }
     }
 
+    /// No place is of any chart.
+    pub fn none([width, height]: [usize; 2]) -> Self {
+        let (columns, rows) = (2 * width.div_ceil(BLOCK), 2 * height.div_ceil(BLOCK));
+        Owners { columns, chart_of: vec![NO_CHART; columns * rows] }
+    }
+
     /// The chart that the texel of this column and row belongs to, if it is one alone.
     pub fn of(&self, x: usize, y: usize) -> Option<u32> {
         let owner = self.chart_of[y / CELL * self.columns + x / CELL];

@@ -7,7 +7,7 @@ use crate::bake::cache::endless_light;
 use crate::bake::errors::median;
 use crate::bake::errors::{CellMap, Pieces};
 use crate::bake::finish::VisibilityBaker;
-use crate::bake::finish::{Assembler, BakedParts, Stored};
+use crate::bake::finish::{Assembled, Assembler, BakedParts};
 use crate::bake::finish::{Check, check, choose};
 use crate::bake::forecast::DiskSpace;
 use crate::bake::forecast::LayoutEstimate;
@@ -21,7 +21,7 @@ use crate::bake::layers::target;
 use crate::bake::layers::{FilteredLayer, Layers, Texel};
 use crate::bake::output::OutputFolder;
 use crate::bake::output::facts;
-use crate::bake::output::{ERRORS, RUN, existing};
+use crate::bake::output::{ERRORS_FILE, RUN_FILE, existing};
 use crate::bake::rounds::{BlockHistory, JudgeTarget, Tracer};
 use crate::bake::rounds::{Traced, guaranteed_samples};
 use crate::bake::samples::Worker;
@@ -87,10 +87,10 @@ pub fn bake(scene_file: &Path, options: &Options, console: &dyn Observer) -> Res
     let sun = run.sunlight(&mut writer)?;
     let geometry = crate::bake::finish::to_glb(&prepared.geometry, &atlas)?;
     let glb = writer.add("scene", "glb", &geometry.glb)?;
-    writer.alias(&glb, crate::bake::finish::NAME);
+    writer.alias(&glb, crate::bake::finish::GLB_FILE);
     let local = local_errors(&prepared, &stored, &traced);
     let picture = cell_map.grid().picture(stored.worst.as_ref().map(|worst| &worst.errors[..]));
-    write_atomically(&out.join(ERRORS), &picture)?;
+    write_atomically(&out.join(ERRORS_FILE), &picture)?;
     let mut relative = stored.errors.relative(prepared.plan.layers() > 0);
     relative.sort_by(f64::total_cmp);
     let mut facts = facts::of_bake(&prepared.geometry, &atlas, &prepared.plan, &stored, &traced, origin);
@@ -143,7 +143,7 @@ pub fn bake(scene_file: &Path, options: &Options, console: &dyn Observer) -> Res
         skipped: prepared.plan.skipped,
         warnings,
     };
-    write_atomically(&outcome.dataset.join(RUN), &json::bytes(&outcome, RUN)?)?;
+    write_atomically(&outcome.dataset.join(RUN_FILE), &json::bytes(&outcome, RUN_FILE)?)?;
     Ok(outcome)
 }
 
@@ -188,7 +188,7 @@ fn store(
     assembler: &Assembler,
     writer: &mut Writer,
     console: &dyn Observer,
-) -> Result<Stored> {
+) -> Result<Assembled> {
     let Prepared { scene, plan, .. } = prepared;
     let baked = BakedParts {
         sun: if scene.sun.is_some() { scene.sun_baked } else { Baked::None },
@@ -204,7 +204,7 @@ fn store(
 }
 
 /// The local errors of what was stored, with advice.
-fn local_errors(prepared: &Prepared, stored: &Stored, traced: &Traced) -> LocalErrors {
+fn local_errors(prepared: &Prepared, stored: &Assembled, traced: &Traced) -> LocalErrors {
     let samples = traced.samples().unwrap_or(prepared.limits.samples);
     let is_settled = prepared.denoise.is_some() || prepared.transfer.is_some();
     LocalErrors {
@@ -242,7 +242,7 @@ fn manifest(
     prepared: &Prepared,
     instances: Vec<Instance>,
     traced: &Traced,
-    stored: &mut Stored,
+    stored: &mut Assembled,
     geometry_file: FileRef,
     inputs: &str,
     settings: serde_json::Value,

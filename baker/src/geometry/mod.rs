@@ -5,7 +5,6 @@ mod notes;
 mod contents;
 mod names;
 mod motion;
-mod copies;
 mod model;
 mod movable;
 mod originals;

@@ -1,7 +1,10 @@
 //! What a geometry file holds, before it is placed in the scene; the same for OBJ and glTF.
 
+mod copies;
+
+pub(super) use copies::MOST_COPIES;
+
 use super::contents::{Contents, FileLamp};
-use super::copies;
 use super::motion::Motion;
 use super::names::{Names, Tree};
 use super::notes::{Notes, plural};

@@ -1,10 +1,11 @@
 //! Wavefront OBJ with its MTL libraries.
 
 mod statements;
-mod mtl;
+mod material;
 mod map;
 mod emission;
 mod glass;
+mod mtl;
 mod mesh;
 
 use super::LightmapPlace;

@@ -1,8 +1,8 @@
 //! What stands where: the meshes of the objects at their places, under what the scene file overrides.
 
 use super::LightmapPlace;
-use super::copies::MOST_COPIES;
 use super::lights::Groups;
+use super::model::MOST_COPIES;
 use super::model::{DEFAULT_ALBEDO, Mesh, Model, NodeMesh};
 use super::movable::LeftOut;
 use super::notes;

@@ -2,8 +2,8 @@
 //! receives unoccluded.
 //!
 //! In: the lights of a scene. Out: radiance by direction and hour, samples of lights with their densities,
-//! and the times of a bake. Callers: tracing, plans, forecasts, `bake new`. A folder uses those above it
-//! alone.
+//! and the times of a bake. Callers: tracing, bakes, previews, `bake new`. Each folder uses only those above
+//! it.
 
 pub mod lamps;
 pub mod daylight;

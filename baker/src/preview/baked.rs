@@ -6,7 +6,7 @@ use super::triangle_layout::TriangleLayout;
 use crate::{Result, Rgb};
 use dataset::image::Image;
 use dataset::store::Dataset;
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
 /// Baked irradiance.
 pub(super) struct Baked {
@@ -46,40 +46,6 @@ impl Baked {
     pub(super) fn irradiance(&self, triangle: u32, barycentric: Vec3) -> Option<Rgb> {
         let (page, [a, b, c]) = self.layout.of(triangle)?;
         let texel = a * barycentric.x + b * barycentric.y + c * barycentric.z;
-        Some(bilinear(&self.pages[page], texel))
-    }
-}
-
-/// The image at a place in texels, whose centres stand at (i + ½); its edge goes on outside.
-fn bilinear(image: &Image, place: Vec2) -> Rgb {
-    let (place, last) = (place - 0.5, [image.width - 1, image.height - 1]);
-    let (low, f) = (place.floor(), place - place.floor());
-    // (Negative numbers become 0.)
-    let column = |x: f32| (x as usize).min(last[0]);
-    let row = |y: f32| (y as usize).min(last[1]);
-    let at = |x: f32, y: f32| Rgb::from_array(image.texels[row(y) * image.width + column(x)]);
-    let upper = at(low.x, low.y).lerp(at(low.x + 1.0, low.y), f.x);
-    let lower = at(low.x, low.y + 1.0).lerp(at(low.x + 1.0, low.y + 1.0), f.x);
-    upper.lerp(lower, f.y)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn texels_are_read_at_their_centres_and_between() {
-        let texels = [[0.0, 0.0, 4.0], [1.0, 0.0, 4.0], [2.0, 8.0, 4.0], [3.0, 8.0, 4.0]].to_vec();
-        let image = Image { width: 2, height: 2, texels };
-        for (place, expected) in [
-            ([0.5, 0.5], [0.0, 0.0, 4.0]),
-            ([1.5, 1.5], [3.0, 8.0, 4.0]),
-            ([1.0, 0.5], [0.5, 0.0, 4.0]),
-            ([1.0, 1.25], [2.0, 6.0, 4.0]),
-            ([0.0, 0.0], [0.0, 0.0, 4.0]),
-            ([9.0, 1.5], [3.0, 8.0, 4.0]),
-        ] {
-            assert_eq!(bilinear(&image, Vec2::from_array(place)).to_array(), expected, "{place:?}");
-        }
+        Some(self.pages[page].at(texel))
     }
 }

@@ -150,15 +150,17 @@ fn resolve(top: &Table, path: &Path) -> Result<(Scene, Vec<String>)> {
     Ok((scene, warnings))
 }
 
-/// Whether a scene may not have this name: the folder of the datasets has folders of these names that are no
-/// dataset's.
+/// Names that no scene may have: the folder of the datasets has folders of these names that are no dataset's.
+const RESERVED: [&str; 6] = ["src", "tests", "benches", "python", "commands", "examples"];
+
+/// Whether a scene may not have this name.
 pub fn is_reserved(name: &str) -> bool {
-    ["src", "tests", "benches", "python"].iter().any(|taken| name.eq_ignore_ascii_case(taken))
+    RESERVED.iter().any(|taken| name.eq_ignore_ascii_case(taken))
 }
 
 /// The scene's name: the folder its dataset is written to.
 fn name(top: &Table, path: &Path) -> Result<String> {
-    let expected = "letters, digits, _ and -, and not src, tests, benches or python";
+    let expected = "letters, digits, _ and -, and not src, tests, benches, python, commands or examples";
     let good = |name: &str| {
         let plain = |b: u8| b.is_ascii_alphanumeric() || b == b'_' || b == b'-';
         !name.is_empty() && name.bytes().all(plain) && !is_reserved(name)

@@ -42,7 +42,7 @@ pub(crate) const WHITE: f64 = 0.98;
 /// folder. The default has no light and no surface.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Scene {
-    /// One path component, never `src`, `tests`, `benches` or `python`.
+    /// One path component, and none that [`is_reserved`].
     pub name: String,
     /// What the scene is for; may be empty. Kept in the manifest's settings.
     pub description: String,

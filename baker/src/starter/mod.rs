@@ -1,7 +1,7 @@
 //! A scene file to begin with, written for models: what `bake new` does.
 //!
 //! `glowing` knows names of lamps, `units` guesses the unit of length, `up` the upward axis, `dim` what is no
-//! lamp though it emits, [`crate::bake::prepare::openings`] finds windows, `find` puts that together, `write`
+//! lamp though it emits, `bake::prepare::openings` finds windows, `find` puts that together, `write`
 //! makes the text.
 
 mod glowing;

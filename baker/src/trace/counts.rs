@@ -61,15 +61,3 @@ impl std::ops::Add for RayCounts {
         self
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::RayCounts;
-
-    #[test]
-    fn counts_of_older_runs_are_read() {
-        let old = r#"{ "walk": 1, "sun": 2, "lamp": 3, "sky": 4, "reflector": 5, "inside": 6, "cached": 7, "endless": 8 }"#;
-        let read: RayCounts = serde_json::from_str(old).unwrap();
-        assert_eq!((read.path, read.bright_surface, read.rays()), (1, 5, 21));
-    }
-}

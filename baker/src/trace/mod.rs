@@ -1,10 +1,10 @@
-//! Light transport: rays, solids, the lights of a bake, paths, and the irradiance that they read and fill.
+//! Light transport: rays, solids, the lights of a bake, paths, and the irradiance at which paths end.
 //!
 //! In: geometry, lights and points of surface. Out: whether rays are blocked and what they meet, and the
-//! light of every layer that a path carries. Callers: the rooms of a bake, previews, `bake new`. A folder
-//! uses those above it alone.
+//! light of every layer that a path carries. Callers: bakes, previews, `bake new`. Each folder uses only
+//! those above it.
 
-mod pages;
+mod memory_pages;
 pub mod counts;
 pub mod rays;
 pub mod solids;

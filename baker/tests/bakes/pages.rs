@@ -3,7 +3,7 @@
 use crate::scenes::Obj;
 use crate::{Stage, assert_same};
 use baker::bake::errors::CellMap;
-use baker::bake::finish::{Assembler, BakedParts, Stored};
+use baker::bake::finish::{Assembled, Assembler, BakedParts};
 use baker::bake::layers::Layers;
 use baker::bake::run::{Denoise, Integrator, Options, prepare};
 use baker::light::times::schedule::parse_hours;
@@ -115,7 +115,7 @@ fn bands_of_any_height_give_the_same_images() {
     let (whole, bands) = (stored(usize::MAX / 2), stored(1));
     assert!(whole.seams.is_some_and(|(edges, ..)| edges > 0), "no seams: {:?}", whole.seams);
     assert!(whole.frames.len() >= 2 && whole.pages.len() == 2);
-    let images = |stored: &Stored| (stored.frames.clone(), stored.daylight.clone(), stored.groups.clone());
+    let images = |stored: &Assembled| (stored.frames.clone(), stored.daylight.clone(), stored.groups.clone());
     assert_eq!(images(&whole), images(&bands));
     assert_eq!(format!("{:?}", whole.seams), format!("{:?}", bands.seams));
 }

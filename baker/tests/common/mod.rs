@@ -95,7 +95,7 @@ impl Stage {
         let out = self.path(&format!("set-{seed}"));
         let hours = parse_hours(hours).expect("hours");
         let options = Options {
-            // Not what these tests are about: `light::extra_times` has its own.
+            // Not what these tests are about: `light::times::extra_times` has its own.
             extra_times: 0,
             integrator: self.integrator,
             denoise,

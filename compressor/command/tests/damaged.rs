@@ -28,6 +28,31 @@ fn command(folder: &Path) -> Command {
 }
 
 #[test]
+fn a_bundle_of_another_version_is_not_replaced_unless_forced() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("court");
+    write(&root, moving);
+    let out = root.join("court.ndgi");
+    compress(&root, &options(&out), &Silent).unwrap();
+    let whole = fs::read(&out).unwrap();
+    for version in [3u8, 5] {
+        let mut other = whole.clone();
+        other[8] = version;
+        fs::write(&out, &other).unwrap();
+        let run = |more: &[&str]| {
+            command(&root).args([".", "--iterations", "60", "-q"]).args(more).output().expect("run")
+        };
+        let output = run(&[]);
+        let said = String::from_utf8(output.stderr).unwrap();
+        let told = format!("bundle version {version}; this program reads version 4");
+        assert!(!output.status.success() && said.contains(&told) && said.contains("--force"), "{said}");
+        assert!(fs::read(&out).unwrap() == other, "{version}");
+        assert!(run(&["--force"]).status.success(), "{version}");
+        assert!(Bundle::open(&out).is_ok(), "{version}");
+    }
+}
+
+#[test]
 fn damage_in_any_section_is_refused_by_the_viewer_and_repaired_by_a_rerun() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path().join("court");

@@ -96,7 +96,7 @@ fn peak(arguments: &[&str], folder: &Path) -> (u64, f64) {
 }
 
 #[test]
-#[ignore = "writes 1.4 GB and takes minutes: cargo test --release -p compressor --test memory -- --ignored --nocapture"]
+#[ignore = "writes 1.4 GB and takes minutes: cargo test --release -p compress --test memory -- --ignored --nocapture"]
 fn a_page_of_16384_streams_through_in_two_gibibytes() {
     let folder = tempfile::tempdir().unwrap();
     write(folder.path());

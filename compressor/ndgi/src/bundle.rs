@@ -5,9 +5,9 @@
 //! the header and the index by their own size, a tile by its unpacked payload, up to 128 times its bytes, and
 //! its visibility of the sun by the number of times, at most 50 MB.
 
+mod resident;
 mod header;
 mod payload;
-mod resident;
 mod sun;
 
 pub use crate::model::Section;

@@ -1,10 +1,10 @@
 //! Vectors of f32 for the kernels of training and decoding: one trait, a type for each instruction set and
 //! length.
 //!
-//! The kernels are generic over [`Lanes`] and `#[inline(always)]`; `train/kernel.rs` and `decode/kernel.rs`
-//! instantiate each of theirs inside a function that enables the instruction set, after asking the processor
-//! for its [`Tier`]. No vector goes through a closure of theirs: closures are compiled without their caller's
-//! instruction set.
+//! The kernels are generic over [`Lanes`] and `#[inline(always)]`; `train/step/kernel.rs` and
+//! `decode/kernel.rs` instantiate each of theirs inside a function that enables the instruction set, after
+//! asking the processor for its [`Tier`]. No vector goes through a closure of theirs: closures are compiled
+//! without their caller's instruction set.
 
 #![allow(unsafe_code, reason = "instructions of processors")]
 

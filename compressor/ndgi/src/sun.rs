@@ -3,9 +3,9 @@
 
 mod bits;
 mod normals;
+mod tables;
 mod planes;
 mod shadows;
-mod tables;
 
 pub use planes::{Coder, Counts};
 pub use shadows::{Block, ENTRIES, MOST, SIDE, STEPS, Shadows, UNIT, Word, encode as encode_shadows};

@@ -13,8 +13,8 @@ pub(super) enum Existing {
     Same(Box<Outcome>),
     /// The same, but these tiles are damaged.
     Damaged(Box<Outcome>, Vec<Place>),
-    /// A file that only `--force` replaces, with the reason: not a bundle, one of another scene, or one of
-    /// the same light that was trained for more steps.
+    /// A file that only `--force` replaces, with the reason: not a bundle, one of another version or scene,
+    /// or one of the same light that was trained for more steps.
     Protected(String),
     /// A bundle that is replaced, with the reason: another bake, other settings, or damage.
     Other(String),
@@ -32,11 +32,14 @@ pub(super) fn existing_bundle(out: &Path, header: &Header) -> Existing {
     if !out.exists() {
         return Existing::None;
     }
-    let Ok(there) = Bundle::open(out) else {
-        return match bundle::begins_like_one(out) {
-            true => Existing::Other("this program cannot read it".to_owned()),
-            false => Existing::Protected("is not a bundle".to_owned()),
-        };
+    let there = match Bundle::open(out) {
+        Ok(there) => there,
+        Err(_) if !bundle::begins_like_one(out) => return Existing::Protected("is not a bundle".to_owned()),
+        // Of what light it is, and how long it was trained, cannot be told.
+        Err(ndgi::Error::Unsupported { what, .. }) => {
+            return Existing::Protected(format!("is a bundle that this program cannot read ({what})"));
+        }
+        Err(damage) => return Existing::Other(damage.to_string()),
     };
     if there.header.scene != header.scene {
         return Existing::Protected(format!(

@@ -1,8 +1,8 @@
 //! Training of one tile: from its light to its stored parameters.
 //!
-//! In: a tile's light ([`TileSource`]) and a [`Recipe`]. Out: its parameters as they are stored. Callers:
-//! `compress`, and comparisons. `phases` orders all of it, `trial_fit` does trial fits; a folder uses those
-//! above it alone.
+//! In: a tile's light ([`TileSource`]), a [`Recipe`], a [`Profile`] and [`Contents`]. Out: its parameters as
+//! they are stored ([`TileParams`]). Callers: `compress`, `sweep`, comparisons. `phases` orders all of it;
+//! `trial_fit` trains briefly to rank what a tile could store. Each folder uses only those above it.
 
 pub(crate) mod targets;
 pub(crate) mod step;

@@ -14,8 +14,8 @@ mod guide {}
 
 mod budgets;
 mod error;
-mod machine;
 mod pyramid;
+mod machine;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 

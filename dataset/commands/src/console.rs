@@ -208,7 +208,8 @@ pub fn catch_interrupts() {
 /// Prints an error with its causes and gives the exit code of a failed command,
 /// [`dataset::Error::exit_code`].
 pub fn fail(error: &dataset::Error) -> ExitCode {
-    if matches!(error, dataset::Error::Interrupted) && !signals::is_first_to_say() {
+    let is_interrupted = matches!(error, dataset::Error::Interrupted);
+    if is_interrupted && !signals::is_first_to_say() {
         return ExitCode::from(signals::exit_code());
     }
     line(&format!("error: {error}"));
@@ -218,7 +219,7 @@ pub fn fail(error: &dataset::Error) -> ExitCode {
         line(&format!("  because: {deeper}"));
         cause = deeper.source();
     }
-    ExitCode::from(error.exit_code())
+    ExitCode::from(if is_interrupted { signals::exit_code() } else { error.exit_code() })
 }
 
 /// Why a line of the answer could not be written.

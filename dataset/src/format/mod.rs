@@ -1,7 +1,7 @@
-//! The room of the format: what `config.json` and the files beside it hold, apart from images.
+//! The format: what `config.json` and the files beside it hold, apart from images.
 //!
-//! In: bytes. Out: [`Config`] and the rest, checked for themselves. Callers: the store, and all that makes
-//! such files. README.md describes each file.
+//! In: bytes. Out: [`Config`] and the rest, each checked by itself; `tiles` is the grid of evaluation.
+//! Callers: the store, and all that make such files. README.md describes each file.
 
 pub mod config;
 pub mod tiles;

@@ -1,7 +1,7 @@
-//! The room of what the machine is asked for, once for all commands: files that are whole or not there,
-//! locks, signals, processes. It knows no format.
+//! What the machine is asked for, once for all commands: whole files, locks, signals, processes. It knows no
+//! format of datasets.
 //!
-//! In: paths and bytes. Out: the same, durable. Callers: everyone.
+//! In: paths and bytes. Out: durable files, locks, and whether to stop. Callers: everyone.
 
 pub mod system;
 pub mod signals;

@@ -50,7 +50,7 @@ pub fn is_first_to_say() -> bool {
     !SAID.swap(true, Ordering::SeqCst)
 }
 
-/// Makes the three signals set [`INTERRUPTED`], and end the process after [`GRACE`] wherever it is; a second
+/// Makes the three signals set [`INTERRUPTED`], and end the process after 0.1 s wherever it is; a second
 /// signal ends it at once. Signals that are ignored (by `nohup`, or for a background job) stay so. `say`
 /// writes an error's line.
 pub fn catch(say: fn(&Error)) {

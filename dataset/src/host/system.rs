@@ -1,5 +1,5 @@
 //! What differs between operating systems, in one place. The rest of the workspace is portable Rust, apart
-//! from advice on memory pages in `baker/src/trace/pages.rs`.
+//! from advice on memory pages in `baker/src/trace/memory_pages.rs`.
 //!
 //! Linux is what is tested. Elsewhere this compiles and does less: see each function.
 

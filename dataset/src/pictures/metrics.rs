@@ -10,8 +10,8 @@ use crate::image::{Image, Mask};
 mod dark;
 mod flip;
 mod lpips;
-mod picture;
 mod ssim;
+mod picture;
 mod steps;
 
 pub use dark::{Brightnesses, psnr_log_db};

@@ -1,6 +1,6 @@
-//! The room of pictures of light: tone curves, metrics between pictures, views of a scene, previews of pages.
+//! Metrics of lightmaps and pictures, tone curves, views of a scene, previews of pages.
 //!
-//! In: images and datasets. Out: pixels and numbers. Callers: reports, the viewer, comparisons.
+//! In: images and datasets. Out: pixels and numbers. Callers: reports, evaluation, training, the baker.
 
 pub mod tone;
 pub mod metrics;

@@ -165,7 +165,7 @@ pub fn write(model: &Model) -> Vec<u8> {
     container(root.to_string().into_bytes(), buffer.bytes)
 }
 
-/// A file's JSON and its binary chunk, as [`write`] makes them.
+/// A file's JSON and its binary chunk, as [`write()`] makes them.
 pub fn split(glb: &[u8]) -> (Value, Vec<u8>) {
     let length = u32::from_le_bytes([glb[12], glb[13], glb[14], glb[15]]) as usize;
     let root = serde_json::from_slice(&glb[20..20 + length]).expect("what was just written");

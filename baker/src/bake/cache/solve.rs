@@ -12,7 +12,7 @@ use crate::atlas::Atlas;
 use crate::bake::samples::Cache;
 use crate::bake::samples::Worker;
 use crate::bake::store::{ALL_POINTS, BlockState, is_usable};
-use crate::bake::store::{CACHE, WorkFolder};
+use crate::bake::store::{CACHE_FILE, WorkFolder};
 use crate::receivers::ReceiverBlock;
 use crate::surface::BLOCK;
 use crate::trace::counts::{RayCounts, sum};
@@ -56,19 +56,19 @@ pub(crate) struct Covered {
 
 /// Of a block, with the points of its texels that are surface. Those texels that reach across a wall stand
 /// for one side of it: a path that lands on the other must not carry its light through the wall.
-pub(crate) fn covered(worker: &Worker, surface: &ReceiverBlock, points: &[u16]) -> Covered {
-    let page_index = |texel: usize| surface.page_index(texel) as u32;
+pub(crate) fn covered(worker: &Worker, receivers: &ReceiverBlock, points: &[u16]) -> Covered {
+    let page_index = |texel: usize| receivers.page_index(texel) as u32;
     let mut found = Covered {
-        texels: surface.covered().map(page_index).collect(),
+        texels: receivers.covered().map(page_index).collect(),
         split: Vec::new(),
         counts: RayCounts::default(),
     };
-    for (texel, &points) in surface.covered().zip(points).filter(|(_, points)| **points != ALL_POINTS) {
+    for (texel, &points) in receivers.covered().zip(points).filter(|(_, points)| **points != ALL_POINTS) {
         // (What counts as no surface is not solved for: a path that lands there goes on.)
         if !is_usable(points) {
             found.split.push((page_index(texel), Vec::new()));
-        } else if worker.is_split(surface, texel, points, &mut found.counts) {
-            found.split.push((page_index(texel), worker.some_points(surface, texel, points)));
+        } else if worker.is_split(receivers, texel, points, &mut found.counts) {
+            found.split.push((page_index(texel), worker.some_points(receivers, texel, points)));
         }
     }
     found
@@ -135,14 +135,14 @@ fn patch_paths(map: &CacheMap, paths: usize, samples: u32) -> usize {
 pub(crate) fn store(folder: &WorkFolder, halves: &[CacheHalf; 2]) -> Result<()> {
     let [a, b] = halves;
     folder.write_sealed(
-        CACHE,
+        CACHE_FILE,
         &[bytemuck::cast_slice(a.scales()), a.bytes(), bytemuck::cast_slice(b.scales()), b.bytes()],
     )
 }
 
 /// What [`store`] kept; `None` where there is nothing whole and fitting.
 pub(crate) fn load(folder: &WorkFolder, entries: usize, layers: usize) -> Result<Option<[CacheHalf; 2]>> {
-    let Some(bytes) = folder.read_sealed(CACHE)? else { return Ok(None) };
+    let Some(bytes) = folder.read_sealed(CACHE_FILE)? else { return Ok(None) };
     let values = entries * CacheHalf::bytes_per_entry(layers);
     let scales = CacheHalf::bytes_per_entry(layers) * 2;
     if bytes.len() != 2 * (values + scales) {

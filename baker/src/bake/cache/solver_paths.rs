@@ -88,15 +88,15 @@ fn trace_block(
     paths: usize,
     half: usize,
 ) -> Vec<TracedEntry> {
-    let surface = worker.surface(block);
-    let covered: Vec<usize> = surface.covered().collect();
+    let receivers = worker.block(block);
+    let covered: Vec<usize> = receivers.covered().collect();
     let lights = worker.transport.lights;
     // The usable texels of each entry, as (entry, texel of the block's file).
     let mut texels: Vec<(u32, usize)> = covered
         .iter()
         .enumerate()
         .filter(|&(i, _)| state.is_usable(i))
-        .filter_map(|(i, &t)| Some((map.of_texel(surface.page_index(t))?, i)))
+        .filter_map(|(i, &t)| Some((map.of_texel(receivers.page_index(t))?, i)))
         .collect();
     texels.sort_unstable();
     let groups: Vec<&[(u32, usize)]> = texels.chunk_by(|a, b| a.0 == b.0).collect();
@@ -113,11 +113,11 @@ fn trace_block(
                 }
             }
             // Paths from points spread over its texels.
-            let sequence = worker.sequence(&surface, covered[group[0].1], Stream::Solver, half);
+            let sequence = worker.sequence(&receivers, covered[group[0].1], Stream::Solver, half);
             let start = |i: usize, counts: &mut RayCounts| {
                 let (_, texel) = group[i * group.len() / paths];
                 let sample = sequence.sample(i as u32);
-                let at = worker.receiver(&surface, covered[texel], sample, state.points[texel], counts)?;
+                let at = worker.receiver(&receivers, covered[texel], sample, state.points[texel], counts)?;
                 Some(Start { number: i, at, sample })
             };
             // (None of the points that are a texel's surface is in a solid.)

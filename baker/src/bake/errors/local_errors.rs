@@ -287,19 +287,19 @@ impl CellMap {
         let progress = console.progress("finding visible cells", blocks.len() as u64);
         let of_block = |&block: &usize| -> crate::Result<_> {
             stop_if_interrupted()?;
-            let surface = worker.surface(block);
+            let receivers = worker.block(block);
             let mut texels = vec![Vec::new(); CELLS];
-            surface.covered().for_each(|t| texels[cell_of(&surface, t)].push(t));
+            receivers.covered().for_each(|t| texels[cell_of(&receivers, t)].push(t));
             let (mut seen, mut rays) = ([Seen::default(); CELLS], RayCounts::default());
             for (cell, texels) in texels.iter().enumerate().filter(|(_, texels)| !texels.is_empty()) {
                 for ray in 0..RAYS_PER_CELL {
                     let texel = texels[ray * texels.len() / RAYS_PER_CELL];
-                    let met = cell_map.trace_seen(worker, &place_of, &surface, texel, &mut rays);
+                    let met = cell_map.trace_seen(worker, &place_of, &receivers, texel, &mut rays);
                     met.into_iter().for_each(|met| seen[cell].add(ray, met));
                 }
             }
             progress.advance(1);
-            Ok((surface.x0, surface.y0, seen, rays))
+            Ok((receivers.x0, receivers.y0, seen, rays))
         };
         let found = blocks.par_iter().map(of_block).collect::<crate::Result<Vec<_>>>()?;
         let mut rays = RayCounts::default();
@@ -338,15 +338,15 @@ impl CellMap {
         &self,
         worker: &Worker,
         place_of: &PlaceFinder,
-        surface: &ReceiverBlock,
+        receivers: &ReceiverBlock,
         texel: usize,
         rays: &mut RayCounts,
     ) -> Option<(f32, Option<u32>)> {
         // (Whatever the seed of the bake: what is judged does not hang on it.)
-        let index = surface.page_index(texel) as u32;
+        let index = receivers.page_index(texel) as u32;
         let sample = Sequence::new(0, SequenceKind::Texel, index, Stream::VisibleCells as u32).sample(0);
         let space = &worker.transport.space;
-        let at = surface.receiver(space, texel, point_pair(sample))?;
+        let at = receivers.receiver(space, texel, point_pair(sample))?;
         rays.inside += 1;
         let (distance, hit) = worker.transport.seen(&at, sample)?;
         let cell = |hit: Hit| {
@@ -389,9 +389,9 @@ impl CellMap {
 
     /// What tells the piece of a texel of a block: its cell of the block, and its chart if it is of one
     /// alone.
-    pub fn piece_of(&self, surface: &ReceiverBlock, in_block: usize) -> (usize, Option<u32>) {
-        let (x, y) = (surface.x0 + in_block % surface.width, surface.y0 + in_block / surface.width);
-        (cell_of(surface, in_block), self.chart_of(x, y))
+    pub fn piece_of(&self, receivers: &ReceiverBlock, in_block: usize) -> (usize, Option<u32>) {
+        let (x, y) = (receivers.x0 + in_block % receivers.width, receivers.y0 + in_block / receivers.width);
+        (cell_of(receivers, in_block), self.chart_of(x, y))
     }
 
     /// Per cell of a frame, the least light in klx that errors are relative to: by the median of its own and
@@ -443,7 +443,7 @@ pub(crate) fn error(sums: &Sums, floor: f64, bias: f64) -> f64 {
 pub(crate) fn of_block(
     frames: &[Parts],
     lights: &Lights,
-    surface: &ReceiverBlock,
+    receivers: &ReceiverBlock,
     state: &BlockState,
     cell_map: &CellMap,
 ) -> Vec<[Sums; CELLS]> {
@@ -452,7 +452,7 @@ pub(crate) fn of_block(
     // Of the texels that count: where they are, and per frame their light and its standard error.
     let mut counted = Vec::new();
     let mut light: Vec<Vec<Value>> = vec![Vec::new(); frames.len()];
-    for (texel, in_block) in surface.covered().enumerate() {
+    for (texel, in_block) in receivers.covered().enumerate() {
         if !state.is_usable(texel) {
             continue;
         }
@@ -461,7 +461,7 @@ pub(crate) fn of_block(
         if a.iter().chain(&b).all(|v| *v == Rgb::ZERO) {
             continue;
         }
-        counted.push(cell_map.piece_of(surface, in_block));
+        counted.push(cell_map.piece_of(receivers, in_block));
         for (parts, light) in frames.iter().zip(&mut light) {
             let sum = |half: &[Rgb]| parts.iter().map(|&(l, scale)| half[l] * scale).sum::<Rgb>();
             let (a, b) = (sum(&a), sum(&b));

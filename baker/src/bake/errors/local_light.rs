@@ -43,15 +43,15 @@ impl CachedLight<'_> {
         let distinct = distinct(self.frames);
         let of_block = |&block: &usize| -> Result<_> {
             stop_if_interrupted()?;
-            let surface = self.worker.surface(block);
-            let pieces = self.pieces(&surface);
+            let receivers = self.worker.block(block);
+            let pieces = self.pieces(&receivers);
             let means_of_cells = |light: Vec<Sums>| {
                 let mut cells = [Sums::default(); CELLS];
                 pieces.add_to_cells(&light, &mut cells);
                 cells.map(|cell| (cell.values > 0).then(|| cell.mean() as f32))
             };
-            let light = self.light(&surface, &pieces, &distinct).into_iter().map(means_of_cells);
-            Ok((surface.x0, surface.y0, light.collect::<Vec<_>>()))
+            let light = self.light(&receivers, &pieces, &distinct).into_iter().map(means_of_cells);
+            Ok((receivers.x0, receivers.y0, light.collect::<Vec<_>>()))
         };
         let blocks = self.worker.blocks().par_iter().map(of_block).collect::<Result<Vec<_>>>()?;
         let mut floors = vec![Vec::new(); self.frames.len()];
@@ -74,32 +74,32 @@ impl CachedLight<'_> {
     /// its errors are relative to. That is the mean light of its piece, or its cell's floor if that is more.
     pub(crate) fn local_light(
         &self,
-        surface: &ReceiverBlock,
+        receivers: &ReceiverBlock,
         frames: &[usize],
         floors: &Floors,
     ) -> Vec<Vec<f64>> {
         let grid = self.cell_map.grid();
-        let pieces = self.pieces(surface);
+        let pieces = self.pieces(receivers);
         let of_frame = |(sums, &frame): (Vec<Sums>, &usize)| {
             let of_texel = |(texel, in_block): (usize, usize)| {
-                let cell = grid.of_block(surface.x0, surface.y0, cell_of(surface, in_block));
+                let cell = grid.of_block(receivers.x0, receivers.y0, cell_of(receivers, in_block));
                 sums[pieces.of(texel)].mean().max(f64::from(floors.0[frame][cell]))
             };
-            surface.covered().enumerate().map(of_texel).collect()
+            receivers.covered().enumerate().map(of_texel).collect()
         };
-        self.light(surface, &pieces, frames).into_iter().zip(frames).map(of_frame).collect()
+        self.light(receivers, &pieces, frames).into_iter().zip(frames).map(of_frame).collect()
     }
 
-    fn pieces(&self, surface: &ReceiverBlock) -> Pieces {
-        Pieces::new(surface.covered().map(|in_block| self.cell_map.piece_of(surface, in_block)))
+    fn pieces(&self, receivers: &ReceiverBlock) -> Pieces {
+        Pieces::new(receivers.covered().map(|in_block| self.cell_map.piece_of(receivers, in_block)))
     }
 
     /// Per frame, the sums of each piece of a block: light alone. Texels without a cache entry do not count.
-    fn light(&self, surface: &ReceiverBlock, pieces: &Pieces, frames: &[usize]) -> Vec<Vec<Sums>> {
+    fn light(&self, receivers: &ReceiverBlock, pieces: &Pieces, frames: &[usize]) -> Vec<Vec<Sums>> {
         let mut light = vec![pieces.sums(); frames.len()];
         let mut layers = vec![Rgb::ZERO; self.worker.transport.lights.layers()];
-        for (texel, in_block) in surface.covered().enumerate() {
-            let Some(entry) = self.cache.map.of_texel(surface.page_index(in_block)) else {
+        for (texel, in_block) in receivers.covered().enumerate() {
+            let Some(entry) = self.cache.map.of_texel(receivers.page_index(in_block)) else {
                 continue;
             };
             layers.fill(Rgb::ZERO);

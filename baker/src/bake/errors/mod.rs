@@ -1,8 +1,8 @@
-//! The room of estimated error: over the page, and where people look.
+//! Estimated error: over the page, and relative to the light around each cell.
 //!
-//! In: values of two half-buffers, per texel or summed up. Out: errors of tiles and frames ([`Errors`]), of
-//! cells of 16×16 texels ([`LocalErrorSummary`]), and which cells go on ([`UnconvergedCells`]). Callers: the
-//! rounds, the target of stored light, `finish`.
+//! In: values of two half-buffers, per texel or summed up, and a [`Worker`](super::samples::Worker) that
+//! traces what is seen from each cell. Out: errors of tiles and frames ([`Errors`]), of cells of 16×16 texels
+//! ([`LocalErrorSummary`]), and which cells go on ([`UnconvergedCells`]). Callers: all folders below.
 //!
 //! `sums` estimates, `local_errors` relates errors to the light where they are, `local_light` reads that
 //! light from the cache, `unconverged` judges by a target.
@@ -19,4 +19,4 @@ pub use local_errors::{
 pub(super) use local_light::{CachedLight, Floors};
 pub use sums::Sums;
 pub(super) use sums::{Errors, median};
-pub(super) use unconverged::{Block, TargetJudgement, UnconvergedCells};
+pub(super) use unconverged::{BlockErrors, TargetJudgement, UnconvergedCells};

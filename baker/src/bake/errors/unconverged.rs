@@ -30,7 +30,7 @@ pub struct UnconvergedCells {
 
 /// What is asked of a block.
 #[derive(Clone, Copy)]
-pub struct Block<'a> {
+pub struct BlockErrors<'a> {
     /// Column of its top left texel.
     pub x0: usize,
     /// Row of its top left texel.
@@ -64,7 +64,7 @@ impl UnconvergedCells {
         cell_map: &CellMap,
         target: f64,
         frames: usize,
-        blocks: impl Iterator<Item = Block<'a>> + Clone,
+        blocks: impl Iterator<Item = BlockErrors<'a>> + Clone,
     ) -> Self {
         let grid = cell_map.grid();
         let mut found = UnconvergedCells::none(grid);
@@ -80,7 +80,7 @@ impl UnconvergedCells {
         let mut is_dark = true;
         for frame in 0..frames {
             let mut cells = vec![Sums::default(); grid.cells()];
-            for Block { x0, y0, sums, .. } in blocks.clone() {
+            for BlockErrors { x0, y0, sums, .. } in blocks.clone() {
                 (0..CELLS).for_each(|cell| cells[grid.of_block(x0, y0, cell)] = sums[frame][cell]);
             }
             is_dark &= cells.iter().all(|sums| sums.light <= 0.0);
@@ -204,7 +204,12 @@ mod tests {
             .collect();
         let blocks = sums.iter().enumerate().map(|(block, sums)| {
             let (x0, y0) = corner(block);
-            Block { x0, y0, usable: std::array::from_fn(|c| of_cell(block, c).map_or(0, |_| 256)), sums }
+            BlockErrors {
+                x0,
+                y0,
+                usable: std::array::from_fn(|c| of_cell(block, c).map_or(0, |_| 256)),
+                sums,
+            }
         });
         UnconvergedCells::find(&cell_map(), target, 1, blocks)
     }

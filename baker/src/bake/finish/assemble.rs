@@ -46,7 +46,7 @@ pub struct Assembler<'a> {
 
 /// The stored images of a bake.
 #[derive(Debug)]
-pub struct Stored {
+pub struct Assembled {
     /// The pages with their masks.
     pub pages: Vec<Page>,
     /// The layers of sun and sky, as far as they are baked.
@@ -297,7 +297,12 @@ impl<'a> Assembler<'a> {
 
     /// Writes all images: masks, groups, and per time sun, sky and their sum with the lit groups. `baked`
     /// says which part of each light they hold.
-    pub fn store(&self, writer: &mut Writer, baked: &BakedParts, mut each: impl FnMut()) -> Result<Stored> {
+    pub fn store(
+        &self,
+        writer: &mut Writer,
+        baked: &BakedParts,
+        mut each: impl FnMut(),
+    ) -> Result<Assembled> {
         let pages = self.store_masks(writer)?;
         let first_group = self.plan.suns.len() + self.plan.sky_hours.len();
         let mut is_dark = vec![false; self.plan.groups.len()];
@@ -376,7 +381,7 @@ impl<'a> Assembler<'a> {
         let noise = writer.add("noise", "json", &json::bytes(&noise, "noise table")?)?;
         let layers = self.plan.index_of_group.iter().enumerate();
         let dark = layers.filter(|(_, layer)| layer.is_some_and(|layer| is_dark[layer]));
-        Ok(Stored {
+        Ok(Assembled {
             pages,
             daylight: suns.into_iter().chain(skies).collect(),
             groups: of_groups,

@@ -386,19 +386,19 @@ fn ratio(pairs: impl Iterator<Item = (f64, f64)> + Clone) -> Option<(f64, f64, f
 fn reference(worker: &Worker, index: u32, samples: u32) -> crate::Result<[Vec<Rgb>; 2]> {
     let [width, _] = worker.receivers.size();
     let (x, y) = (index as usize % width, index as usize / width);
-    let surface = worker.surface(worker.receivers.block_of(x, y));
-    let texel = (y - surface.y0) * surface.width + x - surface.x0;
+    let receivers = worker.block(worker.receivers.block_of(x, y));
+    let texel = (y - receivers.y0) * receivers.width + x - receivers.x0;
     let lights = worker.transport.lights;
     let mut counts = RayCounts::default();
-    let points = worker.surface_points(&surface, texel, &mut counts);
+    let points = worker.surface_points(&receivers, texel, &mut counts);
     let halves = [0, 1].map(|half| {
-        let sequence = worker.sequence(&surface, texel, Stream::Check, half);
+        let sequence = worker.sequence(&receivers, texel, Stream::Check, half);
         let mut sums = vec![Rgb::ZERO; lights.layers()];
         let (mut direct, mut hit_light) = (sums.clone(), vec![Rgb::ZERO; lights.hit_lights()]);
         let mut taken = 0u32;
         for i in 0..samples / 2 {
             let sample = sequence.sample(i);
-            let Some(at) = worker.receiver(&surface, texel, sample, points, &mut counts) else { continue };
+            let Some(at) = worker.receiver(&receivers, texel, sample, points, &mut counts) else { continue };
             taken += 1;
             worker.transport.add_direct(&at, Rgb::ONE, sample, 0, &mut direct, &mut counts);
             worker.trace_path(&at, sample, None, &mut sums, &mut hit_light, &mut counts);

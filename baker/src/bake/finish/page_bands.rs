@@ -1,7 +1,7 @@
 //! Light on a page from the texels of layers: dilated and stitched, in bands of rows, so that no image of a
 //! large page is in memory whole.
 
-use super::post::Dilation;
+use super::dilate::Dilation;
 use super::seams::Seams;
 use crate::atlas::Atlas;
 use crate::atlas::owners::Owners;

@@ -9,8 +9,8 @@ mod container;
 mod emission_glb;
 mod glass_glb;
 mod carry;
-mod motion;
 mod primitive;
+mod motion;
 mod transform;
 
 use crate::atlas::{Atlas, Face, Placement};
@@ -26,7 +26,7 @@ use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// The name under which the dataset's geometry is found.
-pub(crate) const NAME: &str = "scene.glb";
+pub(crate) const GLB_FILE: &str = "scene.glb";
 
 /// Files that stand further from zero than this, in metres, are placed about a point near them: readers in
 /// single precision then lose nothing.

@@ -1,7 +1,7 @@
-//! The room of what a bake will need, told before a ray is traced.
+//! What a bake will need, told before its light is traced.
 //!
 //! In: what is prepared. Out: a [`Forecast`] of texels, memory and disk, and warnings. Callers: `run`,
-//! `bake --plan`.
+//! `output`, `bake --plan`, `bake new`.
 //!
 //! `layout_estimate` lays a coarser page out, [`DiskSpace`] compares with what is free, `views` counts the
 //! tiles that cameras see, `needs` puts it together, `mistakes` finds likely mistakes in the scene.

@@ -14,8 +14,8 @@ use crate::bake::prepare::Part;
 use crate::bake::rounds::Traced;
 use crate::bake::rounds::{BlockHistory, Tracer};
 use crate::bake::store::json;
-use crate::bake::store::{CHARTS, FOLDER};
-use crate::bake::store::{Filtered, Stored, Value};
+use crate::bake::store::{CHARTS_FILE, LAYERS_FOLDER};
+use crate::bake::store::{Filtered, StoredValue, Value};
 use crate::trace::counts::RayCounts;
 use crate::{Error, Result, Rgb};
 use bytemuck::{Pod, Zeroable};
@@ -65,7 +65,7 @@ pub struct Layers {
 impl Layers {
     /// The folder below `dataset`.
     pub fn new(dataset: &Path) -> Self {
-        Layers { root: dataset.join(FOLDER) }
+        Layers { root: dataset.join(LAYERS_FOLDER) }
     }
 
     /// A folder within it for the layers of a round, which are not kept.
@@ -128,7 +128,7 @@ impl Layers {
     /// Whether a layer of these parts is there, whole, for `texels` texels.
     pub fn has(&self, digest: &str, texels: usize, parts: &[Part]) -> bool {
         let is_there = |&part: &Part| {
-            let (path, length) = (self.path(digest, part), texels * size_of::<Stored>() + CHECKSUM);
+            let (path, length) = (self.path(digest, part), texels * size_of::<StoredValue>() + CHECKSUM);
             let current_path = self.changes().current_path(&path);
             // (The length first: a layer of other texels need not be read.)
             let is_as_long = std::fs::metadata(&current_path).is_ok_and(|m| m.len() == length as u64);
@@ -150,7 +150,7 @@ impl Layers {
 
     /// A part of a layer as traced, to be read piece by piece.
     pub fn reader(&self, digest: &str, part: Part) -> Result<LayerReader> {
-        Ok(LayerReader { traced: Source::open::<Stored>(self.path(digest, part))?, filtered: None })
+        Ok(LayerReader { traced: Source::open::<StoredValue>(self.path(digest, part))?, filtered: None })
     }
 
     /// A layer after a filter, likewise.
@@ -188,7 +188,7 @@ impl Layers {
 
     /// A part of a layer as traced at some of the texels, by their positions among all; no others are read.
     pub fn read_at(&self, digest: &str, part: Part, positions: &[usize]) -> Result<Vec<Value>> {
-        Source::open::<Stored>(self.path(digest, part))?.read_at(positions)
+        Source::open::<StoredValue>(self.path(digest, part))?.read_at(positions)
     }
 
     /// A layer after a filter at some of the texels.
@@ -202,7 +202,7 @@ impl Layers {
 
     /// Opens what was traced of a layer that is to be filtered.
     pub fn open(&self, layer: &FilteredLayer) -> Result<Source> {
-        Source::open::<Stored>(self.path(&layer.digest, Part::Rest))
+        Source::open::<StoredValue>(self.path(&layer.digest, Part::Rest))
     }
 
     fn filtered_path(&self, name: &str) -> PathBuf {
@@ -268,13 +268,13 @@ impl Layers {
         let black = || [0, 1].map(|_| vec![Rgb::ZERO; lights.layers()]);
         let (mut direct, mut rest) = (black(), black());
         for block in blocks {
-            let surface = worker.surface(block);
-            let covered: Vec<usize> = surface.covered().collect();
-            let state = tracer.block_state(block, &surface, history, &mut rays)?;
-            let closed_in = worker.closed_in(&surface, &covered, &state, &mut rays);
-            let mut stored: Vec<Vec<Stored>> = vec![Vec::with_capacity(covered.len()); parts.len()];
+            let receivers = worker.block(block);
+            let covered: Vec<usize> = receivers.covered().collect();
+            let state = tracer.block_state(block, &receivers, history, &mut rays)?;
+            let closed_in = worker.closed_in(&receivers, &covered, &state, &mut rays);
+            let mut stored: Vec<Vec<StoredValue>> = vec![Vec::with_capacity(covered.len()); parts.len()];
             for (i, &texel) in covered.iter().enumerate() {
-                let index = surface.page_index(texel) as u32;
+                let index = receivers.page_index(texel) as u32;
                 let (usable, closed_in) = (u8::from(state.is_usable(i)), u8::from(closed_in[i]));
                 texels.push(Texel { index, usable, closed_in, points: state.points[i] });
                 for half in 0..2 {
@@ -284,7 +284,7 @@ impl Layers {
                 }
                 for (stored, &(layer, part)) in stored.iter_mut().zip(&parts) {
                     let halves = if part == Part::Direct { &direct } else { &rest };
-                    stored.push(Stored::new(halves[0][layer], halves[1][layer]));
+                    stored.push(StoredValue::new(halves[0][layer], halves[1][layer]));
                 }
             }
             for (file, stored) in files.iter_mut().zip(&stored) {
@@ -362,7 +362,7 @@ impl Layers {
     ) -> usize {
         let paths = |digest: &String| [Part::Direct, Part::Rest].map(|part| self.path(digest, part));
         let mut keep: BTreeSet<PathBuf> = digests.iter().flat_map(paths).collect();
-        keep.extend([self.texels_path(base), self.rounds_path(base), self.root.join(CHARTS)]);
+        keep.extend([self.texels_path(base), self.rounds_path(base), self.root.join(CHARTS_FILE)]);
         keep.extend(filtered.iter().flatten().map(|layer| self.filtered_path(&layer.name)));
         keep.extend(visibility.map(Path::to_owned));
         let Ok(entries) = std::fs::read_dir(&self.root) else { return 0 };
@@ -396,7 +396,7 @@ impl LayerReader {
     /// Reads some texels, by their positions among all: `value` is given each, counted from the first of
     /// them.
     pub fn read(&self, positions: Range<usize>, mut value: impl FnMut(usize, Value)) -> Result<()> {
-        let traced = self.traced.run::<Stored>(positions.clone())?;
+        let traced = self.traced.run::<StoredValue>(positions.clone())?;
         match &self.filtered {
             None => traced.iter().enumerate().for_each(|(i, stored)| value(i, stored.value())),
             Some(filtered) => {
@@ -483,9 +483,9 @@ mod tests {
         std::fs::create_dir(&layers.root).unwrap();
         let record = |i: u32| {
             let (mean, noise) = (Rgb::new(i as f32, 0.5, 2.0), Rgb::splat(0.25 * i as f32));
-            Stored::new(mean + noise, mean - noise)
+            StoredValue::new(mean + noise, mean - noise)
         };
-        let stored: Vec<Stored> = (0..100).map(record).collect();
+        let stored: Vec<StoredValue> = (0..100).map(record).collect();
         let write = || {
             let mut file = Partial::create(layers.path(digest, Part::Rest)).unwrap();
             file.write(bytemuck::cast_slice(&stored)).unwrap();
@@ -524,7 +524,7 @@ mod tests {
         let layers = Layers::new(dir.path());
         std::fs::create_dir(&layers.root).unwrap();
         let digests = ["a", "b", "c"].map(|digest| digest.repeat(32));
-        let bytes = vec![0; 2 * size_of::<Stored>()];
+        let bytes = vec![0; 2 * size_of::<StoredValue>()];
         let held = || digests.iter().map(|digest| layers.has(digest, 2, &[Part::Rest])).collect::<Vec<_>>();
         let partial = digests.iter().map(|digest| {
             let mut file = Partial::create(layers.path(digest, Part::Rest)).unwrap();

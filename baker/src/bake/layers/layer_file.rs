@@ -1,7 +1,7 @@
 //! The files of layers: records of texels, one after the other, and a checksum. Written under temporary
 //! names, read as a whole or here and there.
 
-use crate::bake::store::{Stored, Value};
+use crate::bake::store::{StoredValue, Value};
 use crate::{Error, Result};
 use bytemuck::Pod;
 use dataset::host::ReadExactAt;
@@ -23,7 +23,7 @@ pub struct Source {
 impl Source {
     /// The values at some of the texels, by their positions among all; no others are read.
     pub fn read_at(&self, positions: &[usize]) -> Result<Vec<Value>> {
-        Ok(self.records::<Stored>(positions)?.iter().map(Stored::value).collect())
+        Ok(self.records::<StoredValue>(positions)?.iter().map(StoredValue::value).collect())
     }
 
     /// Opens a file of such records.

@@ -1,10 +1,11 @@
-//! The room of finished layers, kept beside the dataset for later bakes.
+//! Finished layers, kept beside the dataset for later bakes.
 //!
-//! In: the means of blocks. Out: [`Layers`], a folder with a file per layer, its texels ([`ValidTexels`] says
-//! which count) and denoised copies. Callers: `finish`, forecasts, `output`, `run`.
+//! In: a [`Tracer`](super::rounds::Tracer) whose rounds are done. Out: [`Layers`]: a file per layer, a second
+//! one for its direct light, and what filters made of it; [`ValidTexels`]. Callers: `finish`, `forecast`,
+//! `output`, `run`.
 //!
-//! `layer_file` reads and writes a file, `folder` all of them; `denoise` filters, `target` judges filtered
-//! light, `kept` says which layers of earlier bakes serve this one.
+//! `layer_file` reads and writes a file, `folder` all of them. `denoise` filters, `target` judges light as it
+//! would be stored, `kept` says which layers of earlier bakes serve this one.
 
 mod layer_file;
 mod folder;

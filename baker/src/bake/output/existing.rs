@@ -3,12 +3,12 @@
 
 use super::folder;
 use super::outcome::Outcome;
-use crate::bake::finish::NAME as GLB;
+use crate::bake::finish::GLB_FILE;
 use crate::bake::layers::Layers;
 use crate::bake::layers::kept;
 use crate::bake::prepare::Options;
 use crate::bake::prepare::Prepared;
-use crate::bake::store::FOLDER;
+use crate::bake::store::LAYERS_FOLDER;
 use crate::bake::store::WorkFolder;
 use crate::scene::LightmapSize;
 use crate::trace::counts::RayCounts;
@@ -22,12 +22,12 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// The outcome of a run, beside the manifest.
-pub(crate) const RUN: &str = "run.json";
+pub(crate) const RUN_FILE: &str = "run.json";
 /// A picture of local errors, beside it: a pixel per cell of 16×16 texels, at the frame whose 95th percentile
 /// is greatest; grey 1 is 0.2 %.
-pub const ERRORS: &str = "local-error.png";
+pub const ERRORS_FILE: &str = "local-error.png";
 /// The report, beside it.
-pub const REPORT: &str = "report.html";
+pub const REPORT_FILE: &str = "report.html";
 
 /// The outcome of the earlier run, if `out` holds exactly this bake, whole.
 pub(crate) fn up_to_date(out: &Path, inputs: &str, options: &Options, start: Instant) -> Option<Outcome> {
@@ -36,7 +36,7 @@ pub(crate) fn up_to_date(out: &Path, inputs: &str, options: &Options, start: Ins
     if dataset.config.inputs != inputs || !is_whole(&dataset) {
         return None;
     }
-    let run: Outcome = serde_json::from_slice(&std::fs::read(out.join(RUN)).ok()?).ok()?;
+    let run: Outcome = serde_json::from_slice(&std::fs::read(out.join(RUN_FILE)).ok()?).ok()?;
     if run.inputs != inputs {
         return None;
     }
@@ -55,7 +55,7 @@ pub(crate) fn up_to_date(out: &Path, inputs: &str, options: &Options, start: Ins
 /// A dataset that cannot be written.
 pub(crate) fn refresh(out: &Path, settings: &serde_json::Value) -> Result<()> {
     remove_stale_temporaries(out)?;
-    sync_folder_of(&out.join(RUN));
+    sync_folder_of(&out.join(RUN_FILE));
     let mut config = Dataset::open(out)?.config;
     let of = |settings: &serde_json::Value| settings["cameras"].as_array().cloned().unwrap_or_default();
     // Through text, as the manifest went: reading a number back may round it.
@@ -72,7 +72,8 @@ pub(crate) fn refresh(out: &Path, settings: &serde_json::Value) -> Result<()> {
 /// Whether all files of a dataset are as they were written, the geometry under both of its names.
 fn is_whole(dataset: &Dataset) -> bool {
     // (The plain name is a second link to the same file, or a copy of it.)
-    let named = dataset.config.geometry.iter().map(|file| FileRef { path: GLB.to_owned(), ..file.clone() });
+    let named =
+        dataset.config.geometry.iter().map(|file| FileRef { path: GLB_FILE.to_owned(), ..file.clone() });
     dataset.files().all(|file| dataset.verified(file).is_ok())
         && named.into_iter().all(|file| dataset.verified(&file).is_ok())
 }
@@ -83,8 +84,8 @@ fn is_whole(dataset: &Dataset) -> bool {
 /// # Errors
 /// [`Error::Invalid`], also where a file of the scene is one that the dataset has.
 pub(crate) fn refuse_foreign_folder<'a>(out: &Path, reads: impl IntoIterator<Item = &'a Path>) -> Result<()> {
-    let is_own = [store::MANIFEST, store::WORK, FOLDER].iter().any(|name| out.join(name).exists());
-    let written = [GLB, RUN, REPORT, store::DATA];
+    let is_own = [store::MANIFEST, store::WORK, LAYERS_FOLDER].iter().any(|name| out.join(name).exists());
+    let written = [GLB_FILE, RUN_FILE, REPORT_FILE, store::DATA];
     // (An empty folder is nobody's loss.)
     let is_empty = |path: &Path| std::fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_none());
     let is_foreign = |path: PathBuf| !is_own && path.exists() && !is_empty(&path);
@@ -99,7 +100,7 @@ pub(crate) fn refuse_foreign_folder<'a>(out: &Path, reads: impl IntoIterator<Ite
         ));
     }
     let place = |path: &Path| path.canonicalize().ok();
-    let (glb, data) = (place(&out.join(GLB)), place(&out.join(store::DATA)));
+    let (glb, data) = (place(&out.join(GLB_FILE)), place(&out.join(store::DATA)));
     for file in reads {
         let Some(read) = place(file) else { continue };
         if glb.as_ref() == Some(&read) || data.as_ref().is_some_and(|data| read.starts_with(data)) {
@@ -136,8 +137,9 @@ pub(crate) fn refuse_downgrade(
             return Err(Error::invalid(
                 out.display(),
                 format!(
-                    "what stands there is not known: {error}; expected --out DIR for a folder of its own, or that file removed (what was \
-                     traced is kept beside it)"
+                    "what stands there is not known ({error}): to bake here, remove {} (what was traced is kept beside it), or give another \
+                     folder with --out DIR",
+                    out.join(store::MANIFEST).display()
                 ),
             ));
         }
@@ -254,10 +256,10 @@ fn lost(existing: &Config, prepared: &Prepared, options: &Options) -> Vec<String
 /// In words, where the dataset was baked from another scene file that is still there. (One that is gone was
 /// moved or renamed.)
 fn other_file(out: &Path, existing: &Config, prepared: &Prepared) -> Option<String> {
-    let run: Outcome = serde_json::from_slice(&std::fs::read(out.join(RUN)).ok()?).ok()?;
+    let run: Outcome = serde_json::from_slice(&std::fs::read(out.join(RUN_FILE)).ok()?).ok()?;
     let before = out.join(run.scene_file.filter(|_| run.inputs == existing.inputs)?).canonicalize().ok()?;
     let now = prepared.scene_file.canonicalize().ok()?;
-    (before.is_file() && before != now)
+    (before.is_file() && before != now && existing.scene == prepared.scene.name)
         .then(|| format!("it is of {}, which has the same name as {}", before.display(), now.display()))
 }
 

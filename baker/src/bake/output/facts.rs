@@ -3,7 +3,7 @@
 use super::outcome::LayerCount;
 use crate::atlas::{Atlas, Skipped};
 use crate::bake::errors::COUNTED_ERRORS;
-use crate::bake::finish::Stored;
+use crate::bake::finish::Assembled;
 use crate::bake::forecast::density;
 use crate::bake::prepare::{Plan, hour};
 use crate::bake::rounds::Traced;
@@ -14,7 +14,7 @@ use crate::scene::Scene;
 use dataset::observe::count;
 
 /// What may be wrong with a scene most of whose texels are of no use.
-pub(crate) fn mostly_invalid(plan: &Plan, stored: &Stored) -> Option<String> {
+pub(crate) fn mostly_invalid(plan: &Plan, stored: &Assembled) -> Option<String> {
     let of = |texels: usize| {
         100.0 * texels as f64 / (stored.valid_texels + stored.unlit_texels + stored.buried_texels) as f64
     };
@@ -40,7 +40,7 @@ pub(crate) fn mostly_invalid(plan: &Plan, stored: &Stored) -> Option<String> {
 }
 
 /// The light groups that shine at some time, and at no texel.
-pub(crate) fn lightless(scene: &Scene, plan: &Plan, stored: &Stored) -> Option<String> {
+pub(crate) fn lightless(scene: &Scene, plan: &Plan, stored: &Assembled) -> Option<String> {
     let names: Vec<String> =
         stored.dark_groups.iter().map(|&g| format!("{:?}", scene.groups[g].name)).collect();
     (plan.layers() > 0 && !names.is_empty()).then(|| {
@@ -58,7 +58,7 @@ pub(crate) fn lightless(scene: &Scene, plan: &Plan, stored: &Stored) -> Option<S
 pub(crate) fn advice(
     scene: &Scene,
     plan: &Plan,
-    stored: &Stored,
+    stored: &Assembled,
     (samples, target): (u32, Option<f64>),
     is_denoised: bool,
 ) -> Option<String> {
@@ -105,7 +105,7 @@ pub(crate) fn advice(
 
 /// The times at which something shines and no light was found. Whether it is shut out or was missed, no
 /// estimate can tell.
-fn unseen(plan: &Plan, stored: &Stored) -> Option<String> {
+fn unseen(plan: &Plan, stored: &Assembled) -> Option<String> {
     let is_unseen =
         |&frame: &usize| !plan.layers_of(frame).is_empty() && stored.errors.frame(frame).light <= 0.0;
     let unseen: Vec<usize> = (0..plan.times.len()).filter(is_unseen).collect();
@@ -146,7 +146,7 @@ pub(crate) fn of_bake(
     geometry: &Geometry,
     atlas: &Atlas,
     plan: &Plan,
-    stored: &Stored,
+    stored: &Assembled,
     traced: &Traced,
     layers: LayerCount,
 ) -> Vec<String> {

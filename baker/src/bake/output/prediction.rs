@@ -1,6 +1,6 @@
 //! Error against run time of a bake to come, by the rounds of an earlier one.
 
-use super::existing::RUN;
+use super::existing::RUN_FILE;
 use super::outcome::Outcome;
 use crate::bake::prepare::Prepared;
 use crate::bake::rounds::Round;
@@ -42,7 +42,7 @@ pub struct Point {
 /// that traced all of its layers, each cell with the same samples (not towards a target, nor out of time).
 /// `texels`: those that surface touches.
 pub fn predict(prepared: &Prepared, out: &Path, texels: usize) -> Option<Prediction> {
-    let run: Outcome = serde_json::from_slice(&std::fs::read(out.join(RUN)).ok()?).ok()?;
+    let run: Outcome = serde_json::from_slice(&std::fs::read(out.join(RUN_FILE)).ok()?).ok()?;
     let hours = prepared.plan.times.iter().map(|time| time.hour);
     let is_like = run.scene == prepared.scene.name
         && run.integrator == prepared.integrator

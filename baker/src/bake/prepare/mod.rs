@@ -1,10 +1,10 @@
-//! The room before tracing: what is asked for, and a scene read and planned by it.
+//! Before tracing: what is asked for, and the scene read and planned accordingly.
 //!
 //! In: a scene file and [`Options`]. Out: [`Prepared`], with the [`Plan`] of its layers, the [`Limits`] of
-//! its rounds, and the digests by which layers and dataset are known again. Callers: `run`, forecasts, and
-//! all that asks what a layer is a layer of.
+//! its rounds, and the digests by which layers and dataset are recognised. Callers: `run`, `forecast`, and
+//! all that need a layer's part or name.
 //!
-//! `hidden` finds faces that need no texels, `openings` the windows of rooms, `transfer` the scene under
+//! `hidden` finds faces that need no texels, `openings` the windows of rooms. `transfer` is the scene under
 //! spherical harmonics.
 
 mod limits;

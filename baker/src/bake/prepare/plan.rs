@@ -80,7 +80,7 @@ pub struct PlannedGroup {
 impl Plan {
     /// Plans the bake of `scene` at `hours`, and at no more than `most` extra times.
     pub fn new(scene: &Scene, geometry: &Geometry, hours: &Hours, most: u32) -> Self {
-        let (times, extra_times) = extra_times::time_points(scene, hours, most);
+        let (times, extra_times) = extra_times::all_times(scene, hours, most);
         let mut skipped = Vec::new();
         skipped.extend(extra_times.skipped());
         let outside = switches_outside(hours, &scene.groups);

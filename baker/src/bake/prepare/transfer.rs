@@ -40,7 +40,7 @@ pub(super) fn of_scene(
         ));
     }
     let upper = is_upper(&scene);
-    let (times, _) = extra_times::time_points(&scene, &Hours::day(), most);
+    let (times, _) = extra_times::all_times(&scene, &Hours::day(), most);
     let times: Vec<f64> = times.iter().map(|time| time.hour).collect();
     let light = times.iter().zip(coefficients(&scene, &times));
     let transfer = Transfer {

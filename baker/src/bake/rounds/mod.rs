@@ -1,7 +1,8 @@
-//! The room of tracing: round by round, block by block, until a limit is met.
+//! Tracing, round by round and block by block, until a limit is met.
 //!
-//! In: what is prepared, a [`Worker`](super::samples::Worker) and the folder of unfinished work. Out: in that
-//! folder the sums of every block; [`Traced`], error against time. Callers: `run`.
+//! In: limits, frames and cells, a [`Worker`](super::samples::Worker) and the folder of unfinished work. Out:
+//! the sums of every block, in that folder; [`Traced`], error against time; [`BlockHistory`], by which a lost
+//! block is traced again. Callers: `run`; `layers` reads the blocks; `forecast` and `output` use `round`.
 //!
 //! [`Tracer`] does it: `round` says when to stop, `step` what a round asks of a block, `round_summary` what
 //! it reached.

@@ -1,7 +1,7 @@
 //! What the blocks of a page reached in a round, all together.
 
 use super::round::Round;
-use crate::bake::errors::Block;
+use crate::bake::errors::BlockErrors;
 use crate::bake::errors::{CellMap, LocalErrorSummary};
 use crate::bake::errors::{Errors, Sums, median};
 use crate::bake::store::CELLS;
@@ -28,8 +28,8 @@ pub(super) struct BlockResult {
 
 impl BlockResult {
     /// What is asked of it towards a target.
-    pub(super) fn cells(&self) -> Block<'_> {
-        Block { x0: self.x0, y0: self.y0, usable: self.usable, sums: &self.cells }
+    pub(super) fn cells(&self) -> BlockErrors<'_> {
+        BlockErrors { x0: self.x0, y0: self.y0, usable: self.usable, sums: &self.cells }
     }
 }
 

@@ -46,15 +46,15 @@ impl Step {
     }
 
     /// Whether the round has samples for some cell of a block.
-    pub(super) fn concerns(&self, surface: &ReceiverBlock) -> bool {
-        self.active(surface).contains(&true)
+    pub(super) fn concerns(&self, receivers: &ReceiverBlock) -> bool {
+        self.active(receivers).contains(&true)
     }
 
     /// The cells of a block that get samples.
-    pub(super) fn active(&self, surface: &ReceiverBlock) -> [bool; CELLS] {
+    pub(super) fn active(&self, receivers: &ReceiverBlock) -> [bool; CELLS] {
         self.unconverged
             .as_ref()
-            .map_or([true; CELLS], |unconverged| unconverged.of_block(surface.x0, surface.y0))
+            .map_or([true; CELLS], |unconverged| unconverged.of_block(receivers.x0, receivers.y0))
     }
 
     /// Whether the time of the round is over.

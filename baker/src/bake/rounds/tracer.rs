@@ -21,7 +21,7 @@ use crate::bake::samples::Worker;
 use crate::bake::samples::{Class, Histogram, Pivot, classes, distinct, log2_shares};
 use crate::bake::store::Parts;
 use crate::bake::store::{BlockState, CELLS, cell_of};
-use crate::bake::store::{DIRECT, PIVOT, ROUNDS, UNSETTLED, WorkFolder};
+use crate::bake::store::{DIRECT_FILE, PIVOT_FILE, ROUNDS_FILE, UNSETTLED_FILE, WorkFolder};
 use crate::receivers::ReceiverBlock;
 use crate::trace::counts::{RayCounts, sum};
 use dataset::host::signals::stop_if_interrupted;
@@ -133,7 +133,7 @@ impl Tracer<'_> {
         console: &dyn Observer,
     ) -> Result<Option<(Traced, BlockHistory<'_>)>> {
         let blocks = self.worker.blocks();
-        let rounds: Vec<Round> = self.folder.read(ROUNDS)?.unwrap_or_default();
+        let rounds: Vec<Round> = self.folder.read(ROUNDS_FILE)?.unwrap_or_default();
         let schedule = schedule(limits);
         // (Another version may have gone by other rounds.)
         if rounds.iter().zip(&schedule).any(|(round, &samples)| round.samples != samples)
@@ -237,10 +237,10 @@ impl Tracer<'_> {
             // Per block sums, merged afterwards in block order: floating-point sums must not depend on the
             // threads.
             let of_block = |(&block, known): (&usize, Option<BlockResult>)| {
-                let surface = self.worker.surface(block);
-                let done = match known.filter(|_| !step.concerns(&surface)) {
+                let receivers = self.worker.block(block);
+                let done = match known.filter(|_| !step.concerns(&receivers)) {
                     Some(known) => BlockResult { rays: RayCounts::default(), ..known },
-                    None => self.trace_block(block, &surface, &step, &history, &late)?,
+                    None => self.trace_block(block, &receivers, &step, &history, &late)?,
                 };
                 progress.advance(u64::from(target - previous));
                 Ok(done)
@@ -291,7 +291,7 @@ impl Tracer<'_> {
             };
             // A round reported as finished must be found finished, after a power failure too.
             self.folder.sync_blocks(&blocks)?;
-            self.folder.write(ROUNDS, &traced.rounds)?;
+            self.folder.write(ROUNDS_FILE, &traced.rounds)?;
         }
         Ok(Some((traced, history)))
     }
@@ -311,7 +311,7 @@ impl Tracer<'_> {
         let before = rounds.last().map_or(0, |round| round.samples);
         let is_aimed = limits.target_error.is_some();
         let pivot = match first {
-            Some(first) if !is_aimed => match self.folder.read(PIVOT)? {
+            Some(first) if !is_aimed => match self.folder.read(PIVOT_FILE)? {
                 Some(kept) => Pivot::OfPage(kept),
                 // Decided by the first round's samples: later there are others.
                 None if history.is_beyond_first => return Ok(None),
@@ -359,13 +359,13 @@ impl Tracer<'_> {
         let is_cached = self.is_cached();
         let of_block = |&block: &usize| {
             stop_if_interrupted()?;
-            let surface = self.worker.surface(block);
-            let texels = surface.covered().count();
+            let receivers = self.worker.block(block);
+            let texels = receivers.covered().count();
             let found = self.folder.read_block(block, texels)?;
             let is_lost = found.as_ref().is_none_or(|state| state.round < whole);
             let mut state = found.unwrap_or_else(|| self.folder.empty_block(texels));
             let mut rays = RayCounts::default();
-            if self.first_light(&surface, &mut state, &mut rays) {
+            if self.first_light(&receivers, &mut state, &mut rays) {
                 stop_if_interrupted()?;
                 self.folder.write_block(block, &state)?;
             }
@@ -373,14 +373,14 @@ impl Tracer<'_> {
             let (pilot_sums, usable) = state.pilot_sums(lights);
             let (is_decided, round) = (!state.direct_budgets.is_empty(), state.round);
             // (The cache is laid out by it. The points are at hand now, and are not read again for that.)
-            let covered = is_cached.then(|| solve::covered(&self.worker, &surface, &state.points));
+            let covered = is_cached.then(|| solve::covered(&self.worker, &receivers, &state.points));
             Ok(FoundBlock { pilot_sums, usable, is_lost, is_decided, round, rays, covered })
         };
         let mut found = blocks.par_iter().map(of_block).collect::<Result<Vec<_>>>()?;
         let furthest = found.iter().map(|block| block.round).max().unwrap_or(0);
         // A block goes one round further than the last finished one, at most. A run that continues finds no
         // pilot samples in blocks that were decided: what is decided by stays what it was.
-        let kept = self.folder.read(DIRECT)?;
+        let kept = self.folder.read(DIRECT_FILE)?;
         if furthest > finished + 1 || kept.is_none() && found.iter().any(|block| block.is_decided) {
             return Ok(None);
         }
@@ -392,7 +392,7 @@ impl Tracer<'_> {
         let mean = |sum: &f64| (sum / f64::max(values, 1.0)) as f32;
         let direct_means = match kept {
             Some(kept) => kept,
-            None => self.folder.kept(DIRECT, || Ok(means.iter().map(mean).collect()))?,
+            None => self.folder.kept(DIRECT_FILE, || Ok(means.iter().map(mean).collect()))?,
         };
         let lost = blocks.iter().zip(&found).filter(|(_, block)| block.is_lost).map(|(&block, _)| block);
         let lost = lost.collect();
@@ -403,11 +403,11 @@ impl Tracer<'_> {
 
     /// Finds the points of a block's texels and draws its pilot samples and its first ones; whether there was
     /// anything to do.
-    fn first_light(&self, surface: &ReceiverBlock, state: &mut BlockState, rays: &mut RayCounts) -> bool {
+    fn first_light(&self, receivers: &ReceiverBlock, state: &mut BlockState, rays: &mut RayCounts) -> bool {
         let is_new = state.points.is_empty() && !state.taken.is_empty();
         if is_new {
-            *rays += self.worker.find_points(surface, state);
-            *rays += self.worker.first_direct(surface, state);
+            *rays += self.worker.find_points(receivers, state);
+            *rays += self.worker.first_direct(receivers, state);
         }
         is_new
     }
@@ -424,7 +424,7 @@ impl Tracer<'_> {
         traced: &mut Traced,
     ) -> Result<Option<SolvedCache<'_>>> {
         // A run that continues finds more direct light than the solver did: it must not try again.
-        if let Some(passes) = self.folder.read(UNSETTLED)? {
+        if let Some(passes) = self.folder.read(UNSETTLED_FILE)? {
             traced.without_cache(passes);
             return Ok(Some(SolvedCache { cache: None, is_kept: true }));
         }
@@ -444,7 +444,7 @@ impl Tracer<'_> {
         let refined = |block: usize, half: usize| match half {
             0 => self.refine_direct(block, samples, &history.direct_means),
             _ => Ok((
-                self.folder.expect_block(block, self.worker.surface(block).covered().count())?,
+                self.folder.expect_block(block, self.worker.block(block).covered().count())?,
                 RayCounts::default(),
             )),
         };
@@ -452,7 +452,7 @@ impl Tracer<'_> {
             solve::fill(&self.worker, &refined, map, blocks, (samples, !history.has_target), console)?;
         traced.rays += counts;
         if !solution.settled {
-            self.folder.write(UNSETTLED, &solution.passes)?;
+            self.folder.write(UNSETTLED_FILE, &solution.passes)?;
             traced.without_cache(solution.passes);
             return Ok(Some(SolvedCache { cache: None, is_kept: false }));
         }
@@ -462,9 +462,9 @@ impl Tracer<'_> {
 
     /// Brings the direct light of a block to the samples that go with `samples` of indirect light.
     fn refine_direct(&self, block: usize, samples: u32, means: &[f32]) -> Result<(BlockState, RayCounts)> {
-        let surface = self.worker.surface(block);
-        let mut state = self.folder.expect_block(block, surface.covered().count())?;
-        let counts = self.worker.more_direct(&surface, &mut state, &[true; CELLS], samples, means);
+        let receivers = self.worker.block(block);
+        let mut state = self.folder.expect_block(block, receivers.covered().count())?;
+        let counts = self.worker.more_direct(&receivers, &mut state, &[true; CELLS], samples, means);
         stop_if_interrupted()?;
         self.folder.write_block(block, &state)?;
         Ok((state, counts))
@@ -496,7 +496,7 @@ impl Tracer<'_> {
         let progress = console.progress("tracing again", lost.len() as u64);
         let of_block = |&block: &usize| {
             let mut rays = RayCounts::default();
-            self.block_state(block, &self.worker.surface(block), history, &mut rays)?;
+            self.block_state(block, &self.worker.block(block), history, &mut rays)?;
             progress.advance(1);
             Ok(rays)
         };
@@ -509,12 +509,12 @@ impl Tracer<'_> {
     pub fn block_state(
         &self,
         block: usize,
-        surface: &ReceiverBlock,
+        receivers: &ReceiverBlock,
         history: &BlockHistory,
         rays: &mut RayCounts,
     ) -> Result<BlockState> {
         stop_if_interrupted()?;
-        let texels = surface.covered().count();
+        let texels = receivers.covered().count();
         let found = self.folder.read_block(block, texels)?;
         let is_whole = |state: &BlockState| {
             // (Of a block that has no round yet, the direct light may be less than what the cache was solved
@@ -523,7 +523,7 @@ impl Tracer<'_> {
                 || !state.direct_budgets.is_empty()
                 || state.direct.is_empty();
             let mut left = history.steps.iter().skip(state.round as usize);
-            is_refined && !left.any(|step| step.concerns(surface))
+            is_refined && !left.any(|step| step.concerns(receivers))
         };
         let mut state = match found {
             Some(state) if is_whole(&state) => return Ok(state),
@@ -531,13 +531,18 @@ impl Tracer<'_> {
             None => self.folder.empty_block(texels),
         };
         history.retraced.fetch_add(1, Ordering::Relaxed);
-        self.first_light(surface, &mut state, rays);
+        self.first_light(receivers, &mut state, rays);
         if let Some(samples) = history.guaranteed_samples {
-            *rays +=
-                self.worker.more_direct(surface, &mut state, &[true; CELLS], samples, &history.direct_means);
+            *rays += self.worker.more_direct(
+                receivers,
+                &mut state,
+                &[true; CELLS],
+                samples,
+                &history.direct_means,
+            );
         }
         for step in history.steps.iter().skip(state.round as usize) {
-            self.advance_block(block, surface, &mut state, step, history, rays);
+            self.advance_block(block, receivers, &mut state, step, history, rays);
         }
         stop_if_interrupted()?;
         self.folder.write_block(block, &state)?;
@@ -548,7 +553,7 @@ impl Tracer<'_> {
     fn advance_block(
         &self,
         block: usize,
-        surface: &ReceiverBlock,
+        receivers: &ReceiverBlock,
         state: &mut BlockState,
         step: &Step,
         history: &BlockHistory,
@@ -556,15 +561,15 @@ impl Tracer<'_> {
     ) -> bool {
         // Once the first round is done, shares are decided, once per block.
         if let (Some(means), true) = (&step.first_means, state.log2_shares.is_empty()) {
-            let classes = self.classes(surface, state, means, history);
-            state.log2_shares = log2_shares(&classes, surface, step.pivot);
+            let classes = self.classes(receivers, state, means, history);
+            state.log2_shares = log2_shares(&classes, receivers, step.pivot);
         }
-        let active = step.active(surface);
+        let active = step.active(receivers);
         let mut is_late = false;
         for samples in step.slices().filter(|_| active.contains(&true)) {
-            *rays += self.worker.more_direct(surface, state, &active, samples, &history.direct_means);
+            *rays += self.worker.more_direct(receivers, state, &active, samples, &history.direct_means);
             *rays +=
-                self.worker.indirect(block, surface, state, &active, samples / 2, history.cache.as_ref());
+                self.worker.indirect(block, receivers, state, &active, samples / 2, history.cache.as_ref());
             if samples < step.target && step.is_late() {
                 is_late = true;
                 break;
@@ -578,40 +583,40 @@ impl Tracer<'_> {
     fn trace_block(
         &self,
         block: usize,
-        surface: &ReceiverBlock,
+        receivers: &ReceiverBlock,
         step: &Step,
         history: &BlockHistory,
         late: &AtomicBool,
     ) -> Result<BlockResult> {
         let mut rays = RayCounts::default();
-        let mut state = self.block_state(block, surface, history, &mut rays)?;
+        let mut state = self.block_state(block, receivers, history, &mut rays)?;
         // (A block without samples to get is left as it is: it need not be written.)
-        if state.round < step.round && step.concerns(surface) {
+        if state.round < step.round && step.concerns(receivers) {
             if step.is_late() {
                 late.store(true, Ordering::Relaxed);
             } else {
-                if self.advance_block(block, surface, &mut state, step, history, &mut rays) {
+                if self.advance_block(block, receivers, &mut state, step, history, &mut rays) {
                     late.store(true, Ordering::Relaxed);
                 }
                 stop_if_interrupted()?;
                 self.folder.write_block(block, &state)?;
             }
         }
-        let cells = of_block(&self.frames, self.worker.transport.lights, surface, &state, self.cell_map);
+        let cells = of_block(&self.frames, self.worker.transport.lights, receivers, &state, self.cell_map);
         let mut usable = [0; CELLS];
-        let usable_texels = surface.covered().enumerate().filter(|&(i, _)| state.is_usable(i));
-        usable_texels.for_each(|(_, texel)| usable[cell_of(surface, texel)] += 1);
+        let usable_texels = receivers.covered().enumerate().filter(|&(i, _)| state.is_usable(i));
+        usable_texels.for_each(|(_, texel)| usable[cell_of(receivers, texel)] += 1);
         let drawn = state.drawn.iter().filter(|drawn| **drawn > 0);
         let (texels, samples) =
             (drawn.clone().count() as u32, drawn.map(|drawn| 2 * u64::from(*drawn)).sum());
-        Ok(BlockResult { x0: surface.x0, y0: surface.y0, usable, cells, texels, samples, rays })
+        Ok(BlockResult { x0: receivers.x0, y0: receivers.y0, usable, cells, texels, samples, rays })
     }
 
     /// The classes of a block's texels, relative to the local light; without a cache, relative to `means`,
     /// each frame's mean over the page in the first round. Frames whose mean is 0 do not count.
     fn classes(
         &self,
-        surface: &ReceiverBlock,
+        receivers: &ReceiverBlock,
         state: &BlockState,
         means: &[f64],
         history: &BlockHistory,
@@ -622,10 +627,10 @@ impl Tracer<'_> {
         let lights = self.worker.transport.lights;
         match self.cached_light(history).zip(history.floors.as_ref()) {
             Some((cached, floors)) => {
-                let local = cached.local_light(surface, &lit, floors);
-                classes(&frames, |place, texel| local[place][texel], lights, surface, state)
+                let local = cached.local_light(receivers, &lit, floors);
+                classes(&frames, |place, texel| local[place][texel], lights, receivers, state)
             }
-            None => classes(&frames, |place, _| means[lit[place]], lights, surface, state),
+            None => classes(&frames, |place, _| means[lit[place]], lights, receivers, state),
         }
     }
 
@@ -646,10 +651,10 @@ impl Tracer<'_> {
         let progress = console.progress("allocating samples", blocks.len() as u64);
         let of_block = |&block: &usize| -> Result<Histogram> {
             stop_if_interrupted()?;
-            let surface = self.worker.surface(block);
-            let state = self.folder.expect_block(block, surface.covered().count())?;
+            let receivers = self.worker.block(block);
+            let state = self.folder.expect_block(block, receivers.covered().count())?;
             let mut histogram = Histogram::default();
-            histogram.add(self.classes(&surface, &state, means, history));
+            histogram.add(self.classes(&receivers, &state, means, history));
             progress.advance(1);
             Ok(histogram)
         };
@@ -658,7 +663,7 @@ impl Tracer<'_> {
             Ok(all)
         };
         let pivot = blocks.par_iter().map(of_block).try_reduce(Histogram::default, merged)?.pivot();
-        self.folder.write(PIVOT, &pivot)?;
+        self.folder.write(PIVOT_FILE, &pivot)?;
         Ok(pivot)
     }
 }

@@ -1,13 +1,13 @@
 //! Light is gathered at whatever brings points: here in the air, where there is no surface.
 
 use super::Worker;
-use crate::atlas::Atlas;
 use crate::atlas::owners::Owners;
+use crate::bake::errors::CellMap;
 use crate::bake::prepare::{Options, prepare};
 use crate::bake::store::{ALL_POINTS, BlockState, CELLS, SumKinds};
 use crate::geometry::Geometry;
 use crate::light::times::schedule::parse_hours;
-use crate::receivers::{PlaceFinder, Points, ReceiverBlock, Receivers};
+use crate::receivers::{PlaceFinder, PlacePoints, ReceiverBlock, Receivers};
 use crate::surface::BLOCK;
 use crate::trace::paths::Transport;
 use crate::trace::solids::{Receiver, Space};
@@ -22,9 +22,9 @@ const HEIGHT: f32 = 500.0;
 /// A grid of points that look up, a metre apart, with every third left out.
 struct Air;
 
-impl Points for Air {
+impl PlacePoints for Air {
     fn is_covered(&self, place: usize) -> bool {
-        place % 3 != 0
+        !place.is_multiple_of(3)
     }
 
     fn receiver(&self, _: &Space, place: usize, _: Vec2) -> Option<Receiver> {
@@ -55,7 +55,7 @@ impl Receivers for Air {
     }
 
     fn owners(&self) -> Owners {
-        Owners::new(&Atlas::for_tests(100, 70, Vec::new()))
+        Owners::none(self.size())
     }
 
     fn place_finder(&self, _: &Geometry) -> PlaceFinder<'_> {
@@ -83,13 +83,14 @@ fn points_in_the_air_gather_the_light_of_sun_and_sky() {
     let (by_sun, by_sky) = (Vec3::new(9.0, 8.0, 7.0) * 2.0 / 3.0, Vec3::new(0.5, 0.6, 0.8) * PI);
     assert_eq!(worker.blocks(), [0, 1, 2, 3]);
     for block in worker.blocks() {
-        let surface = worker.surface(block);
-        assert_eq!((surface.width, surface.height), ([64, 36][block % 2], [64, 6][block / 2]));
-        let covered: Vec<usize> = surface.covered().collect();
+        let receivers = worker.block(block);
+        assert_eq!((receivers.width, receivers.height), ([64, 36][block % 2], [64, 6][block / 2]));
+        let covered: Vec<usize> = receivers.covered().collect();
         let mut state = BlockState::empty(covered.len(), SumKinds::of(&lights));
-        state.points = vec![ALL_POINTS; covered.len()];
-        worker.first_direct(&surface, &mut state);
-        worker.indirect(block, &surface, &mut state, &[true; CELLS], 16, None);
+        worker.find_points(&receivers, &mut state);
+        assert!(state.points.iter().all(|points| *points == ALL_POINTS), "{block}");
+        worker.first_direct(&receivers, &mut state);
+        worker.indirect(block, &receivers, &mut state, &[true; CELLS], 16, None);
         for texel in 0..covered.len() {
             for half in 0..2 {
                 let mut light = vec![Vec3::ZERO; lights.layers()];
@@ -102,4 +103,8 @@ fn points_in_the_air_gather_the_light_of_sun_and_sky() {
             }
         }
     }
+    // Nothing is seen from there but the sky, so that each cell is judged by its own light.
+    let (cell_map, rays) = CellMap::find(&worker, &Silent).unwrap();
+    assert_eq!((cell_map.grid().columns, cell_map.grid().rows), (8, 8));
+    assert!(rays.inside > 0 && cell_map.chart_of(5, 5).is_none());
 }

@@ -101,8 +101,8 @@ fn log2_share(class: Class, pivot: Option<i16>) -> i8 {
 }
 
 /// log₂ of the share of each covered texel, by its class.
-pub(crate) fn log2_shares(classes: &[Class], surface: &ReceiverBlock, pivot: Pivot) -> Vec<i8> {
-    let cells: Vec<usize> = surface.covered().map(|in_block| cell_of(surface, in_block)).collect();
+pub(crate) fn log2_shares(classes: &[Class], receivers: &ReceiverBlock, pivot: Pivot) -> Vec<i8> {
+    let cells: Vec<usize> = receivers.covered().map(|in_block| cell_of(receivers, in_block)).collect();
     let pivots: Vec<Option<i16>> = match pivot {
         Pivot::OfPage(pivot) => vec![pivot; CELLS],
         Pivot::OfCell => {
@@ -137,14 +137,14 @@ pub(crate) fn classes(
     frames: &[&Parts],
     unit: impl Fn(usize, usize) -> f64,
     lights: &Lights,
-    surface: &ReceiverBlock,
+    receivers: &ReceiverBlock,
     state: &BlockState,
 ) -> Vec<Class> {
     let layers = lights.layers();
     let mut difference = vec![Rgb::ZERO; layers];
     // Per texel of the block.
-    let mut squares = vec![None; surface.width * surface.height];
-    for (texel, in_block) in surface.covered().enumerate() {
+    let mut squares = vec![None; receivers.width * receivers.height];
+    for (texel, in_block) in receivers.covered().enumerate() {
         let taken = state.taken[texel];
         if !state.is_usable(texel) || taken.contains(&0) {
             continue;
@@ -160,9 +160,9 @@ pub(crate) fn classes(
     }
     // (What is no usable surface does not count in any frame.)
     let class = |in_block: usize| {
-        squares[in_block].and_then(|_| class_of(mean_around(&squares, surface.width, in_block)?))
+        squares[in_block].and_then(|_| class_of(mean_around(&squares, receivers.width, in_block)?))
     };
-    surface.covered().map(class).collect()
+    receivers.covered().map(class).collect()
 }
 
 /// The mean over the texels about one, without itself and without the greatest: one bright path is luck, two

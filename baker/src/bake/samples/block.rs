@@ -53,13 +53,13 @@ impl Worker<'_> {
     }
 
     /// The surface of a block.
-    pub fn surface(&self, block: usize) -> ReceiverBlock<'_> {
+    pub fn block(&self, block: usize) -> ReceiverBlock<'_> {
         self.receivers.block(block)
     }
 
     /// A texel's samples for one purpose and half. `texel` counts within the block, row by row.
-    pub fn sequence(&self, surface: &ReceiverBlock, texel: usize, stream: Stream, half: usize) -> Sequence {
-        let index = surface.page_index(texel);
+    pub fn sequence(&self, receivers: &ReceiverBlock, texel: usize, stream: Stream, half: usize) -> Sequence {
+        let index = receivers.page_index(texel);
         Sequence::new(self.seed, SequenceKind::Texel, index as u32, stream as u32 + half as u32)
     }
 
@@ -68,14 +68,14 @@ impl Worker<'_> {
     /// as far as it is seen from there.
     pub fn receiver(
         &self,
-        surface: &ReceiverBlock,
+        receivers: &ReceiverBlock,
         texel: usize,
         sample: Sample,
         points: u16,
         counts: &mut RayCounts,
     ) -> Option<Receiver> {
         if points == ALL_POINTS {
-            return self.any_point(surface, texel, sample);
+            return self.any_point(receivers, texel, sample);
         }
         // The k-th set bit; what is left of the number chooses the place around it.
         let u = point_pair(sample);
@@ -85,48 +85,48 @@ impl Worker<'_> {
         // (The 16 points of a (0, 2)-sequence lie one in each square of a 4 × 4 grid.)
         let square = (place * 4.0).floor();
         let around = ((square + Vec2::new(k.fract(), u.y)) / 4.0).min(Vec2::splat(1.0 - f32::EPSILON));
-        let known = surface.receiver(&self.transport.space, texel, place)?;
-        let at = surface.receiver(&self.transport.space, texel, around);
+        let known = receivers.receiver(&self.transport.space, texel, place)?;
+        let at = receivers.receiver(&self.transport.space, texel, around);
         Some(at.filter(|at| self.transport.space.sees(&known, at, counts)).unwrap_or(known))
     }
 
     /// The point of a sample, be it inside a solid.
-    pub fn any_point(&self, surface: &ReceiverBlock, texel: usize, sample: Sample) -> Option<Receiver> {
-        surface.receiver(&self.transport.space, texel, point_pair(sample))
+    pub fn any_point(&self, receivers: &ReceiverBlock, texel: usize, sample: Sample) -> Option<Receiver> {
+        receivers.receiver(&self.transport.space, texel, point_pair(sample))
     }
 
     /// Whether points of a texel that are not its surface lie outside solids all the same: on the other side
     /// of a wall.
     pub fn is_split(
         &self,
-        surface: &ReceiverBlock,
+        receivers: &ReceiverBlock,
         texel: usize,
         points: u16,
         counts: &mut RayCounts,
     ) -> bool {
         indices(!points).any(|point| {
-            let at = self.point(surface, texel, point);
+            let at = self.point(receivers, texel, point);
             at.is_some_and(|at| !self.transport.space.is_inside(&at, counts))
         })
     }
 
     /// A few of the points that are a texel's surface.
-    pub fn some_points(&self, surface: &ReceiverBlock, texel: usize, points: u16) -> Vec<Receiver> {
+    pub fn some_points(&self, receivers: &ReceiverBlock, texel: usize, points: u16) -> Vec<Receiver> {
         const MOST: u32 = 4;
         let some = indices(points).step_by(points.count_ones().div_ceil(MOST).max(1) as usize);
-        some.filter_map(|point| self.point(surface, texel, point)).collect()
+        some.filter_map(|point| self.point(receivers, texel, point)).collect()
     }
 
     /// One of the points that are a texel's surface.
-    pub fn one_point(&self, surface: &ReceiverBlock, texel: usize, points: u16) -> Option<Receiver> {
-        indices(points).find_map(|point| self.point(surface, texel, point))
+    pub fn one_point(&self, receivers: &ReceiverBlock, texel: usize, points: u16) -> Option<Receiver> {
+        indices(points).find_map(|point| self.point(receivers, texel, point))
     }
 
     /// Per covered texel, whether its surface is closed in by two-sided bodies: all of a few points are. What
     /// is not usable is not.
     pub fn closed_in(
         &self,
-        surface: &ReceiverBlock,
+        receivers: &ReceiverBlock,
         covered: &[usize],
         state: &BlockState,
         counts: &mut RayCounts,
@@ -136,7 +136,7 @@ impl Worker<'_> {
         }
         let of = |(i, &texel): (usize, &usize)| {
             let mut counts = RayCounts::default();
-            let points = self.some_points(surface, texel, state.points[i]);
+            let points = self.some_points(receivers, texel, state.points[i]);
             let is_closed_in = state.is_usable(i)
                 && !points.is_empty()
                 && points.iter().all(|at| self.transport.space.is_closed_in(at, &mut counts));
@@ -148,8 +148,8 @@ impl Worker<'_> {
     }
 
     /// The point of a texel with a number.
-    pub fn point(&self, surface: &ReceiverBlock, texel: usize, point: u32) -> Option<Receiver> {
-        surface.receiver(&self.transport.space, texel, Self::place(point))
+    pub fn point(&self, receivers: &ReceiverBlock, texel: usize, point: u32) -> Option<Receiver> {
+        receivers.receiver(&self.transport.space, texel, Self::place(point))
     }
 
     /// Where the points of a texel lie: at the same places in all, whatever the seed. A wall that stands

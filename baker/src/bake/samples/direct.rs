@@ -72,57 +72,57 @@ fn halved(samples: u16, halvings: u8) -> u16 {
 
 impl Worker<'_> {
     /// Draws the pilot samples and the first ones that count.
-    pub fn first_direct(&self, surface: &ReceiverBlock, state: &mut BlockState) -> RayCounts {
+    pub fn first_direct(&self, receivers: &ReceiverBlock, state: &mut BlockState) -> RayCounts {
         let lights = self.transport.lights.sampled();
         state.pilot_samples = vec![Direct::default(); state.taken.len() * lights];
-        let halvings = self.halvings_of(surface, &state.points);
+        let halvings = self.halvings_of(receivers, &state.points);
         let goals = |samples| halvings.iter().map(|&h| halved(samples, h)).collect::<Vec<u16>>();
         let goals_of_pilot = goals(PILOT_SAMPLES);
         let rays = self.draw_direct(
-            surface,
+            receivers,
             &state.points,
             &mut state.pilot_samples,
             &goals_of_pilot,
             &[(Stream::Pilot, 0)],
         );
         let goals = goals(first_samples(self.guaranteed_samples));
-        rays + self.draw_direct(surface, &state.points, &mut state.direct, &goals, &COUNTED_STREAMS)
+        rays + self.draw_direct(receivers, &state.points, &mut state.direct, &goals, &COUNTED_STREAMS)
     }
 
     /// Draws the direct samples that go with `samples` of indirect light, in cells that are `active`. `means`
     /// holds the mean of each light over all pages.
     pub fn more_direct(
         &self,
-        surface: &ReceiverBlock,
+        receivers: &ReceiverBlock,
         state: &mut BlockState,
         active: &[bool; CELLS],
         samples: u32,
         means: &[f32],
     ) -> RayCounts {
         if state.direct_budgets.is_empty() {
-            let covered: Vec<usize> = surface.covered().collect();
-            let halvings = self.halvings_of(surface, &state.points);
+            let covered: Vec<usize> = receivers.covered().collect();
+            let halvings = self.halvings_of(receivers, &state.points);
             let suns = self.transport.lights.suns.len();
             state.direct_budgets =
-                direct_budgets(surface, &covered, &state.pilot_samples, &halvings, means, suns);
+                direct_budgets(receivers, &covered, &state.pilot_samples, &halvings, means, suns);
             state.pilot_samples = Vec::new();
         }
         let first = first_samples(self.guaranteed_samples);
-        let goals = surface.covered().zip(state.direct_budgets.chunks(means.len().max(1))).flat_map(
+        let goals = receivers.covered().zip(state.direct_budgets.chunks(means.len().max(1))).flat_map(
             |(texel, direct_budgets)| {
-                let samples = if active[cell_of(surface, texel)] { samples } else { 0 };
+                let samples = if active[cell_of(receivers, texel)] { samples } else { 0 };
                 direct_budgets
                     .iter()
                     .map(move |&budget| DirectBudget::from_byte(budget).samples(samples, first))
             },
         );
         let goals: Vec<u16> = goals.collect();
-        self.draw_direct(surface, &state.points, &mut state.direct, &goals, &COUNTED_STREAMS)
+        self.draw_direct(receivers, &state.points, &mut state.direct, &goals, &COUNTED_STREAMS)
     }
 
     /// How often the samples of each covered texel and light are halved (`[texel][light]`): as often as the
     /// chance with which the group would be sampled among all of them. Suns are never.
-    fn halvings_of(&self, surface: &ReceiverBlock, points: &[u16]) -> Vec<u8> {
+    fn halvings_of(&self, receivers: &ReceiverBlock, points: &[u16]) -> Vec<u8> {
         /// A group's light is looked at with one sample at least: more halvings change nothing but what goes
         /// with a thousand samples.
         const MOST: f32 = 4.0;
@@ -133,9 +133,9 @@ impl Worker<'_> {
         if groups <= FEW_GROUPS {
             return vec![0; points.len() * lights.sampled()];
         }
-        let covered: Vec<usize> = surface.covered().collect();
+        let covered: Vec<usize> = receivers.covered().collect();
         let of_texel = |(&texel, &points): (&usize, &u16)| {
-            let at = self.one_point(surface, texel, points);
+            let at = self.one_point(receivers, texel, points);
             let chances = at.and_then(|at| self.transport.chances(&at, FULLY_SAMPLED));
             let of_groups = chances.unwrap_or_else(|| vec![1.0; groups]).into_iter();
             let halvings = of_groups.map(|chance| (-chance.log2()).floor().min(MOST) as u8);
@@ -148,7 +148,7 @@ impl Worker<'_> {
     /// as `goals` says of its texel and light.
     fn draw_direct(
         &self,
-        surface: &ReceiverBlock,
+        receivers: &ReceiverBlock,
         points: &[u16],
         records: &mut [Direct],
         goals: &[u16],
@@ -158,7 +158,7 @@ impl Worker<'_> {
         if lights == 0 {
             return RayCounts::default();
         }
-        let covered: Vec<usize> = surface.covered().collect();
+        let covered: Vec<usize> = receivers.covered().collect();
         let texels = records
             .par_chunks_mut(streams.len() * lights)
             .zip(goals.par_chunks(lights))
@@ -171,13 +171,13 @@ impl Worker<'_> {
                 return counts;
             }
             for (records, &(stream, half)) in records.chunks_mut(lights).zip(streams) {
-                let sequence = self.sequence(surface, texel, stream, half);
+                let sequence = self.sequence(receivers, texel, stream, half);
                 let open = records.iter().zip(goals).filter(|(d, goal)| d.drawn < **goal);
                 let first = open.map(|(d, _)| d.drawn).min();
                 let last = goals.iter().copied().max().unwrap_or(0);
                 for i in first.unwrap_or(last)..last {
                     let sample = sequence.sample(u32::from(i));
-                    let at = self.receiver(surface, texel, sample, points, &mut counts);
+                    let at = self.receiver(receivers, texel, sample, points, &mut counts);
                     let sun_sample = sun_sample(sample);
                     for (light, (d, goal)) in records.iter_mut().zip(goals).enumerate() {
                         if d.drawn > i || i >= *goal {
@@ -204,7 +204,7 @@ const COUNTED_STREAMS: [(Stream, usize); 2] = [(Stream::Direct, 0), (Stream::Dir
 /// The [`DirectBudget`] of each covered texel and light (`[texel][light]`), as bytes: how many are worth
 /// their rays, by its pilot samples and those of the texels beside.
 fn direct_budgets(
-    surface: &ReceiverBlock,
+    receivers: &ReceiverBlock,
     covered: &[usize],
     pilot_samples: &[Direct],
     halvings: &[u8],
@@ -223,16 +223,16 @@ fn direct_budgets(
     let fewer = if lights - suns > FEW_GROUPS { LESS } else { 0 };
     // The index of each texel of the block among the covered ones. (Neighbours in other blocks are not asked:
     // along their borders some edges of shadows are found less surely.)
-    let mut index = vec![None; surface.width * surface.height];
+    let mut index = vec![None; receivers.width * receivers.height];
     covered.iter().enumerate().for_each(|(i, &texel)| index[texel] = Some(i));
     let mut direct_budgets = vec![0; pilot_samples.len()];
     for (i, &texel) in covered.iter().enumerate() {
-        let (x, y) = (texel % surface.width, texel / surface.width);
+        let (x, y) = (texel % receivers.width, texel / receivers.width);
         let beside = [
             (x > 0).then(|| texel - 1),
-            (x + 1 < surface.width).then(|| texel + 1),
-            (y > 0).then(|| texel - surface.width),
-            (y + 1 < surface.height).then(|| texel + surface.width),
+            (x + 1 < receivers.width).then(|| texel + 1),
+            (y > 0).then(|| texel - receivers.width),
+            (y + 1 < receivers.height).then(|| texel + receivers.width),
         ];
         let beside = beside.map(|t| t.and_then(|t| index[t]));
         for light in 0..lights {

@@ -176,17 +176,17 @@ impl Worker<'_> {
     pub fn indirect(
         &self,
         block: usize,
-        surface: &ReceiverBlock,
+        receivers: &ReceiverBlock,
         state: &mut BlockState,
         active: &[bool; CELLS],
         target: u32,
         cache: Option<&Cache>,
     ) -> RayCounts {
         let (layers, hit_lights) = (self.transport.lights.layers(), self.transport.lights.hit_lights());
-        let covered: Vec<usize> = surface.covered().collect();
+        let covered: Vec<usize> = receivers.covered().collect();
         let goal = |texel: usize| state.log2_shares.get(texel).map_or(target, |&share| shared(target, share));
         let goals: Vec<u32> = (0..covered.len()).map(goal).collect();
-        let mut counts = self.views(block, surface, state, active, cache);
+        let mut counts = self.views(block, receivers, state, active, cache);
         // (No group that can be met: an empty slice for each texel.)
         let mut none: Vec<[Rgb; 0]> = vec![[]; covered.len()];
         let hit_sums_of_texels: Vec<&mut [Rgb]> = match hit_lights {
@@ -207,20 +207,20 @@ impl Worker<'_> {
             Vec::new,
             |pending, ((((((sums, hit_sums), taken), drawn), &goal), &points), &texel)| {
                 let mut counts = RayCounts::default();
-                let cell = cell_of(surface, texel);
+                let cell = cell_of(receivers, texel);
                 if points == 0 || !active[cell] || interrupted() {
                     return counts;
                 }
                 let visible = cache.map_or(&[][..], |c| c.visible_from(block, cell));
                 for half in 0..2 {
-                    let sequence = self.sequence(surface, texel, Stream::Indirect, half);
+                    let sequence = self.sequence(receivers, texel, Stream::Indirect, half);
                     let out = &mut sums[half * layers..(half + 1) * layers];
                     let hit_light = &mut hit_sums[half * hit_lights..(half + 1) * hit_lights];
                     let mut reader =
                         cache.map(|cache| CacheReader { cache, half: &cache.halves[half], visible, pending });
                     for i in *drawn..goal {
                         let sample = sequence.sample(i);
-                        if let Some(at) = self.receiver(surface, texel, sample, points, &mut counts) {
+                        if let Some(at) = self.receiver(receivers, texel, sample, points, &mut counts) {
                             taken[half] += 1;
                             self.trace_path(&at, sample, reader.as_mut(), out, hit_light, &mut counts);
                         }
@@ -310,7 +310,7 @@ impl Worker<'_> {
     fn views(
         &self,
         block: usize,
-        surface: &ReceiverBlock,
+        receivers: &ReceiverBlock,
         state: &BlockState,
         active: &[bool; CELLS],
         cache: Option<&Cache>,
@@ -322,8 +322,8 @@ impl Worker<'_> {
             return RayCounts::default();
         };
         let mut texels = vec![Vec::new(); CELLS];
-        for (texel, points) in surface.covered().zip(&state.points).filter(|(_, points)| **points != 0) {
-            texels[cell_of(surface, texel)].push((texel, *points));
+        for (texel, points) in receivers.covered().zip(&state.points).filter(|(_, points)| **points != 0) {
+            texels[cell_of(receivers, texel)].push((texel, *points));
         }
         let find_views = |cell: usize| {
             let (mut counts, texels) = (RayCounts::default(), &texels[cell]);
@@ -334,8 +334,8 @@ impl Worker<'_> {
             let receivers: Vec<(Receiver, Sample)> = (0..most)
                 .filter_map(|k| {
                     let (texel, points) = texels[(2 * k + 1) * texels.len() / (2 * most)];
-                    let sample = self.sequence(surface, texel, Stream::BrightSurfaces, 0).sample(k as u32);
-                    Some((self.receiver(surface, texel, sample, points, &mut counts)?, sample))
+                    let sample = self.sequence(receivers, texel, Stream::BrightSurfaces, 0).sample(k as u32);
+                    Some((self.receiver(receivers, texel, sample, points, &mut counts)?, sample))
                 })
                 .collect();
             let daylight = cache.daylight_for(&receivers);

@@ -1,6 +1,6 @@
-//! The room where light is sampled at the texels of a block.
+//! Light is sampled at blocks of receivers.
 //!
-//! In: a surface, the scene to trace, and how many samples are due. Out: sums in a
+//! In: a block, the scene to trace, and how many samples are due. Out: sums in a
 //! [`BlockState`](crate::bake::store::BlockState), and counts of rays. Callers: the cache, errors, rounds,
 //! and what traces after them.
 //!

@@ -40,46 +40,47 @@ struct Square {
 
 impl Worker<'_> {
     /// Finds out which points of the texels are their surface, if that is not known.
-    pub fn find_points(&self, surface: &ReceiverBlock, state: &mut BlockState) -> RayCounts {
+    pub fn find_points(&self, receivers: &ReceiverBlock, state: &mut BlockState) -> RayCounts {
         if !state.points.is_empty() {
             return RayCounts::default();
         }
-        let across = surface.width.div_ceil(SQUARE);
-        let squares: Vec<Square> = (0..across * surface.height.div_ceil(SQUARE))
+        let across = receivers.width.div_ceil(SQUARE);
+        let squares: Vec<Square> = (0..across * receivers.height.div_ceil(SQUARE))
             .into_par_iter()
-            .map(|i| self.settle_square(surface, [i % across * SQUARE, i / across * SQUARE]))
+            .map(|i| self.settle_square(receivers, [i % across * SQUARE, i / across * SQUARE]))
             .collect();
         let mut bits = vec![0; BLOCK * BLOCK];
         for square in &squares {
             square.texels.iter().zip(&square.bits).for_each(|((texel, _), points)| bits[*texel] = *points);
         }
-        state.points = surface.covered().map(|texel| bits[texel]).collect();
+        state.points = receivers.covered().map(|texel| bits[texel]).collect();
         sum(squares.into_iter().map(|square| square.counts))
     }
 
     /// Finds the points of the texels of one of the largest squares of a block.
-    fn settle_square(&self, surface: &ReceiverBlock, corner: [usize; 2]) -> Square {
-        let texels = square(surface, corner, SQUARE).map(|texel| (texel, self.points(surface, texel)));
+    fn settle_square(&self, receivers: &ReceiverBlock, corner: [usize; 2]) -> Square {
+        let texels = square(receivers, corner, SQUARE).map(|texel| (texel, self.points(receivers, texel)));
         let texels: Vec<(usize, Vec<Point>)> = texels.collect();
         let bits = vec![0; texels.len()];
         let mut known = Square { texels, bits, counts: RayCounts::default() };
-        self.settle(surface, corner, SQUARE, &mut known);
+        self.settle(receivers, corner, SQUARE, &mut known);
         known
     }
 
     /// Finds those of the texels of a square of this side: at once if it lies in the open, else quarter by
     /// quarter.
-    fn settle(&self, surface: &ReceiverBlock, corner: [usize; 2], side: usize, known: &mut Square) {
+    fn settle(&self, receivers: &ReceiverBlock, corner: [usize; 2], side: usize, known: &mut Square) {
         let index = |texel: usize| known.texels.binary_search_by_key(&texel, |known| known.0);
         let inside: Vec<usize> =
-            square(surface, corner, side).filter_map(|texel| index(texel).ok()).collect();
+            square(receivers, corner, side).filter_map(|texel| index(texel).ok()).collect();
         let Some(&first) = inside.first() else { return };
         if side == 1 {
             let points = std::mem::take(&mut known.texels[first].1);
-            known.bits[first] = self.bits_of_texel(surface, known.texels[first].0, points, &mut known.counts);
+            known.bits[first] =
+                self.bits_of_texel(receivers, known.texels[first].0, points, &mut known.counts);
             return;
         }
-        let along = surface.along(self.transport.space.geometry, known.texels[first].0);
+        let along = receivers.along(self.transport.space.geometry, known.texels[first].0);
         let of_all = || inside.iter().flat_map(|&i| &known.texels[i].1).map(|(_, at)| at);
         if self.is_in_the_open(of_all, along, &mut known.counts) {
             inside.iter().for_each(|&i| known.bits[i] = bits_of(&known.texels[i].1));
@@ -87,7 +88,7 @@ impl Worker<'_> {
         }
         let half = side / 2;
         for [x, y] in [[0, 0], [half, 0], [0, half], [half, half]] {
-            self.settle(surface, [corner[0] + x, corner[1] + y], half, known);
+            self.settle(receivers, [corner[0] + x, corner[1] + y], half, known);
         }
     }
 
@@ -133,29 +134,29 @@ impl Worker<'_> {
     /// Which of a texel's 16 points are its surface, one bit each: those outside solids, and where a wall
     /// stands on the texel, only the largest group of those that reach each other. No texel mixes the light
     /// of two rooms.
-    pub fn surface_points(&self, surface: &ReceiverBlock, texel: usize, counts: &mut RayCounts) -> u16 {
-        self.bits_of_texel(surface, texel, self.points(surface, texel), counts)
+    pub fn surface_points(&self, receivers: &ReceiverBlock, texel: usize, counts: &mut RayCounts) -> u16 {
+        self.bits_of_texel(receivers, texel, self.points(receivers, texel), counts)
     }
 
     /// The points of a texel that tell which of them are its surface.
-    fn points(&self, surface: &ReceiverBlock, texel: usize) -> Vec<Point> {
-        let point = |i| Some((1u16 << i, self.point(surface, texel, i)?));
+    fn points(&self, receivers: &ReceiverBlock, texel: usize) -> Vec<Point> {
+        let point = |i| Some((1u16 << i, self.point(receivers, texel, i)?));
         let mut points: Vec<Point> = (0..POINTS).filter_map(point).collect();
         // A wall that divides the texel stands between one of these points and another, or a corner.
-        points.extend(surface.rim(&self.transport.space, texel).into_iter().map(|at| (0, at)));
+        points.extend(receivers.rim(&self.transport.space, texel).into_iter().map(|at| (0, at)));
         points
     }
 
     /// [`Worker::surface_points`] of a texel with these points.
     fn bits_of_texel(
         &self,
-        surface: &ReceiverBlock,
+        receivers: &ReceiverBlock,
         texel: usize,
         points: Vec<Point>,
         counts: &mut RayCounts,
     ) -> u16 {
         let space = &self.transport.space;
-        let along = surface.along(space.geometry, texel);
+        let along = receivers.along(space.geometry, texel);
         let surface_axes = points.first().and_then(|(_, first)| SurfaceAxes::new(first, along));
         let is_clear = surface_axes
             .is_some_and(|surface_axes| space.is_clear(&surface_axes, points.iter().map(|(_, at)| at), 0.0));
@@ -281,13 +282,13 @@ impl Worker<'_> {
 
 /// The covered texels of a square of a block, ascending.
 fn square<'s>(
-    surface: &'s ReceiverBlock<'_>,
+    receivers: &'s ReceiverBlock<'_>,
     [x0, y0]: [usize; 2],
     side: usize,
 ) -> impl Iterator<Item = usize> + 's {
-    let (columns, rows) = (x0..(x0 + side).min(surface.width), y0..(y0 + side).min(surface.height));
-    let all = rows.flat_map(move |y| columns.clone().map(move |x| y * surface.width + x));
-    all.filter(|&texel| surface.is_covered(texel))
+    let (columns, rows) = (x0..(x0 + side).min(receivers.width), y0..(y0 + side).min(receivers.height));
+    let all = rows.flat_map(move |y| columns.clone().map(move |x| y * receivers.width + x));
+    all.filter(|&texel| receivers.is_covered(texel))
 }
 
 /// The numbered ones among some points of a texel, one bit each.

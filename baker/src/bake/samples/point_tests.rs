@@ -89,19 +89,19 @@ impl Builder {
         let worker = Worker { transport, receivers: &texels, seed, guaranteed_samples: 64 };
         let mut found = Vec::new();
         for block in worker.blocks() {
-            let surface = worker.surface(block);
+            let receivers = worker.block(block);
             // What squares tell is what every texel tells whose points are all asked.
             let mut state = BlockState::empty(0, SumKinds { layers: 0, sampled: 0, hit_lights: 0 });
-            worker.find_points(&surface, &mut state);
-            for (k, texel) in surface.covered().enumerate() {
+            worker.find_points(&receivers, &mut state);
+            for (k, texel) in receivers.covered().enumerate() {
                 let mut counts = RayCounts::default();
-                let groups = worker.groups(worker.points(&surface, texel), &mut counts);
+                let groups = worker.groups(worker.points(&receivers, texel), &mut counts);
                 assert_eq!(state.points[k], worker.bits_of_groups(groups, &mut counts));
-                let bits = worker.surface_points(&surface, texel, &mut counts);
-                let is_split = bits != ALL_POINTS && worker.is_split(&surface, texel, bits, &mut counts);
+                let bits = worker.surface_points(&receivers, texel, &mut counts);
+                let is_split = bits != ALL_POINTS && worker.is_split(&receivers, texel, bits, &mut counts);
                 let points = (0..POINTS)
                     .filter(|i| bits >> i & 1 == 1)
-                    .map(|i| worker.point(&surface, texel, i).expect("a point").origin());
+                    .map(|i| worker.point(&receivers, texel, i).expect("a point").origin());
                 let sum: Vec3 = points.sum();
                 found.push((bits, is_split, sum / bits.count_ones().max(1) as f32));
             }

@@ -20,10 +20,10 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Name of the folder inside a dataset that serves later bakes.
-pub(crate) const FOLDER: &str = ".layers";
+pub(crate) const LAYERS_FOLDER: &str = ".layers";
 
 /// Name of the file in it that holds how meshes come apart.
-pub(crate) const CHARTS: &str = "meshes.charts";
+pub(crate) const CHARTS_FILE: &str = "meshes.charts";
 
 /// Label of the file's seal: changes with the file's format.
 const LABEL: &str = "charts-1";
@@ -80,7 +80,7 @@ impl Charts {
         let used = self.used();
         let is_there =
             used.keys().eq(self.found.keys()) && used.values().all(|origin| matches!(origin, Origin::Found));
-        if is_there || !dataset.join(FOLDER).is_dir() {
+        if is_there || !dataset.join(LAYERS_FOLDER).is_dir() {
             return;
         }
         let mut payload = Vec::new();
@@ -116,7 +116,7 @@ impl Unwraps for Charts {
 }
 
 fn path(dataset: &Path) -> PathBuf {
-    dataset.join(FOLDER).join(CHARTS)
+    dataset.join(LAYERS_FOLDER).join(CHARTS_FILE)
 }
 
 /// The meshes of a payload; `None` for one that no bake writes.
@@ -157,7 +157,7 @@ mod tests {
     #[test]
     fn a_sealed_file_of_another_mesh_is_not_believed() {
         let dataset = tempfile::tempdir().unwrap();
-        std::fs::create_dir(dataset.path().join(FOLDER)).unwrap();
+        std::fs::create_dir(dataset.path().join(LAYERS_FOLDER)).unwrap();
         let key = [7; 32];
         let charts = Charts::none();
         charts.put(&key, &Unwrap { triangles: vec![Unwrapped::ALONE; 2] });

@@ -17,8 +17,8 @@ pub(crate) const POINTS: u32 = 16;
 pub(crate) const ALL_POINTS: u16 = u16::MAX;
 
 /// The cell of a texel (an index within the block, row by row).
-pub(crate) fn cell_of(surface: &ReceiverBlock, texel: usize) -> usize {
-    (texel / surface.width / CELL) * (BLOCK / CELL) + texel % surface.width / CELL
+pub(crate) fn cell_of(receivers: &ReceiverBlock, texel: usize) -> usize {
+    (texel / receivers.width / CELL) * (BLOCK / CELL) + texel % receivers.width / CELL
 }
 
 /// Whether so many of a texel's points are its surface that it counts.

@@ -64,17 +64,17 @@ impl Value {
 /// A part of a layer as traced, as stored.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub(crate) struct Stored {
+pub(crate) struct StoredValue {
     mean: [f32; 3],
     noise: [bf16; 3],
     zero: u16,
 }
 
-impl Stored {
+impl StoredValue {
     /// From the means of both halves.
     pub(crate) fn new(a: Rgb, b: Rgb) -> Self {
         let noise = ((a - b) * 0.5).to_array().map(bf16::from_f32);
-        Stored { mean: ((a + b) * 0.5).to_array(), noise, zero: 0 }
+        StoredValue { mean: ((a + b) * 0.5).to_array(), noise, zero: 0 }
     }
 
     /// The value.

@@ -7,12 +7,12 @@
 //! |---|---|---|
 //! | `layers.json` | the digests of the layers that are traced | at the beginning |
 //! | `block-N.bin` | the sums of a block ([`BlockState`]) | after each step of the block |
-//! | [`DIRECT`] | the mean of each light over the pilot samples | before the rounds |
-//! | [`CACHE`] | the solved cache, both halves | before the rounds |
-//! | [`UNSETTLED`] | the passes after which the cache had not settled | in its place |
-//! | [`PIVOT`] | the class of deviation that gets the mean number of samples | after the first round |
+//! | [`DIRECT_FILE`] | the mean of each light over the pilot samples | before the rounds |
+//! | [`CACHE_FILE`] | the solved cache, both halves | before the rounds |
+//! | [`UNSETTLED_FILE`] | the passes after which the cache had not settled | in its place |
+//! | [`PIVOT_FILE`] | the class of deviation that gets the mean number of samples | after the first round |
 //! | `unconverged-R.bin` | the cells that go on towards a target after round R | after each round |
-//! | [`ROUNDS`] | what each round reached | after each round |
+//! | [`ROUNDS_FILE`] | what each round reached | after each round |
 //!
 //! Whatever later work is decided by is kept, and read by a run that continues: it finds more samples than
 //! were there when that was decided, and would decide otherwise.
@@ -34,15 +34,15 @@ const FOLDER: &str = dataset::store::WORK;
 /// The layers.
 const LAYERS: &str = "layers.json";
 /// The mean of each light.
-pub(crate) const DIRECT: &str = "direct.json";
+pub(crate) const DIRECT_FILE: &str = "direct.json";
 /// The cache.
-pub(crate) const CACHE: &str = "cache.bin";
+pub(crate) const CACHE_FILE: &str = "cache.bin";
 /// That there is none.
-pub(crate) const UNSETTLED: &str = "unsettled.json";
+pub(crate) const UNSETTLED_FILE: &str = "unsettled.json";
 /// Who gets the mean number of samples.
-pub(crate) const PIVOT: &str = "pivot.json";
+pub(crate) const PIVOT_FILE: &str = "pivot.json";
 /// The log of the rounds: there once one is finished.
-pub(crate) const ROUNDS: &str = "rounds.json";
+pub(crate) const ROUNDS_FILE: &str = "rounds.json";
 
 /// The folder of one piece of work.
 #[derive(Debug)]
@@ -84,7 +84,7 @@ impl WorkFolder {
     pub fn unfinished(dataset: &Path, digest: &str, is_kept: impl Fn(&str) -> bool) -> Vec<bool> {
         let unfinished =
             Self::others(dataset, digest).into_iter().filter(|path| !is_finished(path, &is_kept));
-        unfinished.map(|path| path.join(ROUNDS).exists()).collect()
+        unfinished.map(|path| path.join(ROUNDS_FILE).exists()).collect()
     }
 
     /// Removes the work of other bakes that was left behind so.
@@ -118,7 +118,7 @@ impl WorkFolder {
         // What is believed without a look at the blocks goes first: a run that is killed here finds blocks
         // that went too far, and begins anew too.
         let (mut files, blocks): (Vec<PathBuf>, Vec<PathBuf>) =
-            paths.filter(|path| !path.ends_with(LAYERS)).partition(|path| path.ends_with(ROUNDS));
+            paths.filter(|path| !path.ends_with(LAYERS)).partition(|path| path.ends_with(ROUNDS_FILE));
         files.extend(blocks);
         files.iter().try_for_each(|path| std::fs::remove_file(path).map_err(Error::io(path)))
     }
@@ -170,7 +170,7 @@ impl WorkFolder {
                 .or_else(|e| if e.kind() == ErrorKind::NotFound { Ok(()) } else { Err(Error::io(&path)(e)) })
         };
         blocks.par_iter().try_for_each(sync)?;
-        dataset::host::files::sync_folder_of(&self.path(ROUNDS));
+        dataset::host::files::sync_folder_of(&self.path(ROUNDS_FILE));
         Ok(())
     }
 
@@ -279,14 +279,14 @@ mod tests {
         };
         assert!(unfinished(digest, &["a", "b", "c"]).is_empty());
         assert_eq!(unfinished(other, &["b"]), [false]);
-        folder.write(ROUNDS, &[1]).unwrap();
+        folder.write(ROUNDS_FILE, &[1]).unwrap();
         assert_eq!(unfinished(other, &["b"]), [true]);
         // What is left of finished work is none, and goes.
         WorkFolder::remove_finished(dir.path(), other, |layer| layer != "b");
         assert!(folder.root.exists() && unfinished(other, &[]).is_empty());
         // Also where a run was killed that was removing it, and had removed the list of its layers first.
         std::fs::remove_file(folder.path(LAYERS)).unwrap();
-        assert!(folder.path(ROUNDS).exists() && unfinished(other, &["b"]).is_empty());
+        assert!(folder.path(ROUNDS_FILE).exists() && unfinished(other, &["b"]).is_empty());
         folder.write(LAYERS, &["a", "b", "c"]).unwrap();
         WorkFolder::remove_finished(dir.path(), other, |_| true);
         assert!(!folder.root.exists());
@@ -311,15 +311,15 @@ mod tests {
             SumKinds { layers: 0, sampled: 0, hit_lights: 0 },
         )
         .unwrap();
-        assert_eq!(folder.kept(DIRECT, || Ok(vec![1.5f32])).unwrap(), [1.5]);
-        assert_eq!(folder.kept(DIRECT, || Ok(vec![2.5f32])).unwrap(), [1.5]);
-        assert_eq!(folder.kept(PIVOT, || Ok(None::<i16>)).unwrap(), None);
-        assert_eq!(folder.kept(PIVOT, || Ok(Some(3))).unwrap(), None);
-        std::fs::write(folder.path(DIRECT), b"torn [").unwrap();
-        assert_eq!(folder.kept(DIRECT, || Ok(vec![2.5f32])).unwrap(), [2.5]);
-        assert_eq!(folder.read::<Vec<f32>>(ROUNDS).unwrap(), None);
+        assert_eq!(folder.kept(DIRECT_FILE, || Ok(vec![1.5f32])).unwrap(), [1.5]);
+        assert_eq!(folder.kept(DIRECT_FILE, || Ok(vec![2.5f32])).unwrap(), [1.5]);
+        assert_eq!(folder.kept(PIVOT_FILE, || Ok(None::<i16>)).unwrap(), None);
+        assert_eq!(folder.kept(PIVOT_FILE, || Ok(Some(3))).unwrap(), None);
+        std::fs::write(folder.path(DIRECT_FILE), b"torn [").unwrap();
+        assert_eq!(folder.kept(DIRECT_FILE, || Ok(vec![2.5f32])).unwrap(), [2.5]);
+        assert_eq!(folder.read::<Vec<f32>>(ROUNDS_FILE).unwrap(), None);
         // What is there and cannot be read is an error, not a loss.
-        std::fs::create_dir(folder.path(ROUNDS)).unwrap();
-        assert!(folder.read::<Vec<f32>>(ROUNDS).unwrap_err().to_string().contains(ROUNDS));
+        std::fs::create_dir(folder.path(ROUNDS_FILE)).unwrap();
+        assert!(folder.read::<Vec<f32>>(ROUNDS_FILE).unwrap_err().to_string().contains(ROUNDS_FILE));
     }
 }

@@ -10,8 +10,8 @@ mod material;
 mod emission;
 mod glass;
 mod instancing;
-mod keep;
 mod motion;
+mod keep;
 mod photometric;
 mod pose;
 

@@ -1,7 +1,7 @@
 //! `Ke` and `map_Ke` of an MTL: what its materials emit.
 
 use super::map::{self, Placement};
-use super::mtl::Material;
+use super::material::Material;
 use crate::geometry::model::FileEmission;
 use crate::geometry::notes::Notes;
 use crate::geometry::texture::TextureStore;

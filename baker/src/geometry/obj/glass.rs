@@ -1,6 +1,6 @@
 //! What a material of an MTL library lets through: `d` or `Tr`, `Tf`, and `illum`.
 
-use super::mtl::Material;
+use super::material::Material;
 use super::statements::words;
 use crate::geometry::Glass;
 use crate::geometry::notes::Notes;

@@ -1,6 +1,6 @@
 //! Texture statements of an MTL, such as `map_Kd -s 2 2 1 bark.png`: their options and their picture.
 
-use super::mtl::Material;
+use super::material::Material;
 use super::statements::{find, name, read_file};
 use crate::geometry::Wrap;
 use crate::geometry::model::reason;

@@ -1,12 +1,13 @@
 //! MTL libraries: the statements that are read of their materials, and what reflects.
 
-use super::statements::{self, name, quoted, read_file, words};
+use super::material::{Material, Statement};
+use super::statements::{self, name, read_file};
 use super::{emission, glass, map};
 use crate::geometry::model::{DEFAULT_ALBEDO, FileMaterial, check_albedo};
 use crate::geometry::notes::Notes;
 use crate::geometry::texture::TextureStore;
 use crate::text;
-use dataset::{Error, Result};
+use dataset::Result;
 use glam::Vec3;
 use map::Placement;
 use std::collections::BTreeMap;
@@ -19,22 +20,6 @@ const KEYWORDS: [&str; 9] = ["Kd", "Ke", "d", "Tr", "Tf", "illum", "map_Kd", "ma
 /// Materials by name.
 pub(super) type Materials = BTreeMap<String, Material>;
 
-/// A material as its library defines it.
-pub(super) struct Material {
-    pub name: String,
-    path: Arc<Path>,
-    statements: BTreeMap<&'static str, Statement>,
-}
-
-/// A statement about a material.
-pub(super) struct Statement {
-    keyword: &'static str,
-    /// What follows the keyword.
-    pub text: String,
-    pub file: Arc<str>,
-    pub line: usize,
-}
-
 /// A material that is ready to be used.
 pub(super) struct Read {
     pub material: FileMaterial,
@@ -42,53 +27,6 @@ pub(super) struct Read {
     pub texture: Placement,
     /// How its emission map does, if it has one.
     pub emission: Option<Placement>,
-}
-
-impl Material {
-    /// The last statement with a keyword of [`KEYWORDS`].
-    pub(super) fn get(&self, keyword: &str) -> Option<&Statement> {
-        self.statements.get(keyword)
-    }
-
-    /// The folder that its paths start from.
-    pub(super) fn folder(&self) -> &Path {
-        self.path.parent().unwrap_or(Path::new(""))
-    }
-}
-
-impl Statement {
-    /// The numbers that follow the keyword, if nothing else does.
-    pub(super) fn numbers(&self) -> Option<Vec<f32>> {
-        words(&self.text).map(|word| word.parse().ok()).collect()
-    }
-
-    /// Three numbers, or one that stands for three.
-    pub(super) fn triple(&self) -> Option<Vec3> {
-        match self.numbers()?[..] {
-            [grey] => Some(Vec3::splat(grey)),
-            [r, g, b] => Some(Vec3::new(r, g, b)),
-            _ => None,
-        }
-    }
-
-    /// An error that quotes it.
-    pub(super) fn error(&self, expected: &str) -> Error {
-        Error::invalid(self.place(), format!("{}: expected {expected}", quoted(self.keyword, &self.text)))
-    }
-
-    /// An error about an option that cannot be read.
-    pub(super) fn unsupported(&self, option: &str) -> Error {
-        let what = format!(
-            "{}: the option {option} changes the texture and is not read: apply it to the picture itself, and remove it here",
-            quoted(self.keyword, &self.text)
-        );
-        Error::unsupported(self.place(), what)
-    }
-
-    /// `file:line`.
-    pub(super) fn place(&self) -> String {
-        format!("{}:{}", self.file, self.line)
-    }
 }
 
 /// Adds the materials of a library; of several of one name, the last one holds. (The name may be empty, as

@@ -1,10 +1,12 @@
-//! The room of sky and sun.
+//! Sky and sun.
 //!
-//! In: the scene's sky, sun and place. Out: tables of the sky's radiance for all hours ([`SkyTable`]), where
-//! it is worth sampling ([`SkySampler`]), and the sun's disc ([`SunDisc`]).
+//! In: the scene's sky, sun and location. Out: tables of the sky's radiance for all hours ([`SkyTable`]),
+//! where it is worth sampling ([`SkySampler`]), and the sun's disc ([`SunDisc`]). Callers: `times`, the light
+//! of a bake, plans, previews.
 //!
-//! `sky_model` computes skies (`hosek_wilkie`, twilight), `sky_image` reads pictures, `harmonics` has those
-//! of transfers, `project` turns skies into their coefficients; `ground` is what lies below the horizon.
+//! `sky_model` computes skies (`hosek_wilkie`, twilight), `sky_image` looks a sky picture up by direction,
+//! `ground` is what lies below the horizon. `harmonics` has the skies of transfers; `project` fits a sky by
+//! harmonics.
 
 pub mod sun;
 mod sky_image;

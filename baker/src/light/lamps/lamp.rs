@@ -5,7 +5,7 @@
 //! solid angle of its square. Spot and point: points. All inner arithmetic is f64: lamps of 10⁻⁴ m and
 //! distances of 10⁵ m keep their digits without special cases.
 
-use super::cone::Cone;
+use super::ball::Cone;
 use super::disc::Disc;
 use super::rectangle::Rectangle;
 use crate::Rgb;

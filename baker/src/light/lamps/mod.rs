@@ -1,13 +1,14 @@
-//! The room of lights that stand in the scene: each is sampled from a receiving point, and gives the density
-//! of its samples.
+//! Lights that stand in the scene: each is sampled from a receiving point, and gives the density of its
+//! samples.
 //!
-//! In: lamps of the scene file and emissive triangles. Out: a [`GroupSampler`] per light group.
+//! In: lamps of the scene file and emissive triangles. Out: a [`GroupSampler`] per light group. Callers:
+//! `daylight` (portals are rectangles), the light of a bake.
 //!
-//! `lamp` has the shapes (`rectangle`, `cone`, `disc`), `emitter` triangles; of many lights `tree` chooses;
+//! `lamp` has the shapes (`rectangle`, `ball`, `disc`), `emitter` triangles. Of many lights `tree` chooses.
 //! `group` puts a group's lights together.
 
 mod rectangle;
-mod cone;
+mod ball;
 mod disc;
 mod lamp;
 pub(crate) mod emitter;

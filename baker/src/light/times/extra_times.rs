@@ -85,7 +85,7 @@ pub fn percent(share: f64) -> String {
 
 /// The times of a bake: those of [`schedule::time_points`], and at most `most` more where interpolated light
 /// would err.
-pub fn time_points(scene: &Scene, hours: &Hours, most: u32) -> (Vec<TimePoint>, ExtraTimes) {
+pub fn all_times(scene: &Scene, hours: &Hours, most: u32) -> (Vec<TimePoint>, ExtraTimes) {
     let mut points = schedule::time_points(hours, &scene.groups);
     if hours.ranges.is_empty() {
         return (points, ExtraTimes::default());

@@ -39,7 +39,7 @@ fn track(keys: &[(f64, f64)]) -> Scene {
 
 fn times(scene: &Scene, hours: &str, most: u32) -> ExtraTimes {
     let hours = parse_hours(hours).unwrap();
-    let (points, extra) = time_points(scene, &hours, most);
+    let (points, extra) = all_times(scene, &hours, most);
     assert!(points.is_sorted_by(|a, b| a.hour < b.hour));
     let refining: Vec<f64> = points.iter().filter(|m| m.refines).map(|m| m.hour).collect();
     assert_eq!(refining, hours_of(&extra));
@@ -170,7 +170,7 @@ fn between_the_sides_of_a_switch_light_is_held() {
     };
     // A lamp at 19:45, in the midst of dusk.
     let scene = Scene { groups: vec![lamp(19.75)], ..spring() };
-    let (points, extra) = time_points(&scene, &Hours::day(), 100);
+    let (points, extra) = all_times(&scene, &Hours::day(), 100);
     assert!(extra.added.len() > 3);
     for point in points.iter().filter(|point| point.refines) {
         assert!(!(19.65..=19.85).contains(&point.hour), "{}", point.hour);

@@ -52,7 +52,7 @@ pub struct TimePoint {
     /// Whether it was added to show a side of a switch.
     pub extra: bool,
     /// Whether it was added because light interpolated between the others would err there
-    /// (`light::extra_times`).
+    /// (`light::times::extra_times`).
     pub refines: bool,
 }
 

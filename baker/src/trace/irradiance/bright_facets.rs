@@ -1,8 +1,8 @@
 //! Finds the bright facets of a scene in its solved cache: surfaces are cut into small triangles, and those
 //! that send out much more than the mean are kept, in clusters that lie together.
 
-use super::cache::CacheMap;
 use super::cache_half::CacheHalf;
+use super::cache_map::CacheMap;
 use crate::Rgb;
 use crate::geometry::Geometry;
 use crate::light::luminance;

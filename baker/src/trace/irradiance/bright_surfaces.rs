@@ -11,8 +11,8 @@
 //! clusters of facets, shadows included.
 
 use super::bright_facets::{BrightFacet, BrightFacets, BrightSelection, Cluster, TriangleSide, point_of};
-use super::cache::CacheMap;
 use super::cache_half::CacheHalf;
+use super::cache_map::CacheMap;
 use crate::Rgb;
 use crate::geometry::Geometry;
 use crate::trace::counts::RayCounts;

@@ -7,7 +7,7 @@
 //! of a bake.
 
 use crate::Rgb;
-use crate::trace::pages::prefer_large;
+use crate::trace::memory_pages::prefer_large;
 use half::f16;
 use std::ops::Range;
 

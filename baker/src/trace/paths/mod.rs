@@ -1,7 +1,8 @@
-//! The room of paths: light that arrives over any number of surfaces.
+//! Paths: light that arrives over any number of surfaces.
 //!
 //! In: a receiving point and random numbers (`sampler`). Out: the light of all layers, direct and indirect
-//! ([`Transport`], `path`); `endless_path` follows those that nothing absorbs.
+//! ([`Transport`], `path`); `endless_path` follows those that nothing absorbs. Callers: the samples of a
+//! bake, previews.
 
 mod sampler;
 pub mod path;

@@ -40,7 +40,7 @@ impl Backend {
         Error::unsupported(
             format!("backend {self}"),
             "not in this build; run baker/third_party/fetch-embree.sh (or install libembree-dev 4.3 or newer), then \
-             build with `cargo build --release -p baker --features embree`",
+             build with `cargo build --release -p bake --features embree`",
         )
     }
 }

@@ -5,7 +5,7 @@
 
 use super::bvh8::{Bvh8, CUT_OUT, LEAF, Node, Packet, STACK, Tier};
 use crate::geometry::Geometry;
-use crate::trace::pages::in_large;
+use crate::trace::memory_pages::in_large;
 use glam::{DVec3, Vec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;

@@ -11,7 +11,7 @@ use super::lanes_x86;
 use super::triangle::TriangleHit;
 
 impl Bvh8 {
-    /// The nearest hit, t > 0. `is_open` is asked about triangles marked [`CUT_OUT`].
+    /// The nearest hit, t > 0. `is_open` is asked about triangles marked [`super::bvh8::CUT_OUT`].
     #[inline]
     pub fn nearest(
         &self,
@@ -30,7 +30,7 @@ impl Bvh8 {
     }
 
     /// Whether there is any hit with 0 < t < `reach.t_max`. `is_open` is asked about triangles marked
-    /// [`CUT_OUT`], and from `reach.ask_from` on about all.
+    /// [`super::bvh8::CUT_OUT`], and from `reach.ask_from` on about all.
     #[inline]
     pub fn occluded(
         &self,

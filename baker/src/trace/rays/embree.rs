@@ -122,7 +122,7 @@ const RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER: c_int = 1 << 1;
 const NONE: u32 = u32::MAX;
 
 /// A committed scene.
-pub struct Scene<'a> {
+pub(super) struct Scene<'a> {
     geometry: &'a Geometry,
     device: *mut c_void,
     scene: *mut c_void,
@@ -135,7 +135,7 @@ unsafe impl Send for Scene<'_> {}
 unsafe impl Sync for Scene<'_> {}
 
 impl<'a> Scene<'a> {
-    pub fn new(geometry: &'a Geometry) -> Result<Self> {
+    pub(super) fn new(geometry: &'a Geometry) -> Result<Self> {
         // One thread, so that the hierarchy, and with it which of equally near triangles is found, never
         // depends on how many the machine has. SAFETY: a null-terminated string.
         let device = unsafe { rtcNewDevice(c"threads=1,set_affinity=0".as_ptr()) };
@@ -176,7 +176,7 @@ impl<'a> Scene<'a> {
         }
     }
 
-    pub fn nearest(
+    pub(super) fn nearest(
         &self,
         origin: Vec3,
         direction: Vec3,
@@ -202,7 +202,7 @@ impl<'a> Scene<'a> {
         (end.geometry != NONE).then_some(Hit { triangle: end.triangle, barycentric, t: ray.t_far })
     }
 
-    pub fn occluded(
+    pub(super) fn occluded(
         &self,
         origin: Vec3,
         direction: Vec3,

@@ -1,10 +1,11 @@
-//! The room of rays: the nearest hit, and whether anything is hit at all.
+//! Rays: the nearest hit, and whether anything is hit at all.
 //!
-//! In: triangles. Out: a [`RayTracer`], over our own hierarchy of eight children a node (`bvh8`, built, boxed
-//! and walked by the files of that name) or over Embree; a [`Lens`] for pictures.
+//! In: triangles. Out: a [`RayTracer`], over our own hierarchy of eight children a node (`bvh8`) or over
+//! Embree; a [`Lens`] for pictures. Callers: all folders below, layouts of hidden faces, previews.
 //!
-//! `kernel` walks eight boxes at once (`lanes`, `lanes_x86`), `triangle` is the watertight test,
-//! `light_point` says what hides a point of a light, `pane` what glass does.
+//! `bvh8_build` builds the hierarchy, `kernel` walks it (`lanes`, `lanes_x86`), `bvh8_traversal` picks the
+//! kernel, `bvh8_box` finds triangles near a box. `triangle` is the watertight test, `light_point` says what
+//! hides a point of a light, `pane` what glass does.
 
 mod triangle;
 mod lanes;

@@ -1,7 +1,8 @@
-//! The room of what stands around a point: inside which bodies, behind which walls.
+//! What stands around a point.
 //!
-//! In: rays. Out: [`Space`], which the points of texels and of paths are asked about (`space`; `clear` for
-//! many at once, `closed_in` for pockets of two-sided bodies).
+//! In: geometry and rays. Out: [`Space`], which says of a point in which bodies and behind which walls it
+//! lies (`space`; `clear` for many at once, `closed_in` for pockets of two-sided bodies). Callers: all
+//! folders below, and the points of texels.
 
 mod space;
 mod closed_in;

@@ -1,9 +1,10 @@
-//! The room of what a bake's light comes from.
+//! What a bake's light comes from.
 //!
-//! In: the lights of a scene. Out: [`Lights`], a layer each for suns, skies and light groups.
+//! In: the lights of a scene. Out: [`Lights`], a layer each for suns, skies and light groups. Callers: paths,
+//! plans.
 //!
-//! `light_subset` draws some of many groups, `room` bounds what shines behind a portal, `flush` finds the
-//! emission of panels in one plane with others, `visibility_sampler` looks at the sun's disc.
+//! `light_subset` draws some of many groups, `room` is the box of a room that has a portal, `flush` finds the
+//! emission of panels that lie in the plane of another surface, `visibility_sampler` looks at the sun's disc.
 
 mod room;
 pub(crate) mod light_subset;

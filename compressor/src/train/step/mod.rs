@@ -1,7 +1,9 @@
-//! The room of one step of training.
+//! One step of training.
 //!
-//! In: targets, maps and a network. Out: the same after a step. `gather` samples maps, `network` is the
-//! decoder, `kernel` runs both over a batch and back; `bases` and `optimise` take the step.
+//! In: targets, feature maps and a network. Out: maps and network after a step. Callers: `stored`, `phases`.
+//!
+//! `gather` samples maps, `network` is the decoder, `kernel` runs both over a batch and back, and has Adam.
+//! `bases` rotates the network's gradients, `optimise` takes the step.
 
 pub(crate) mod network;
 pub(super) mod gather;

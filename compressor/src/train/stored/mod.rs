@@ -1,7 +1,10 @@
-//! The room of what is stored: BC7 blocks, and the form that the bundle has.
+//! What is stored.
 //!
-//! In: trained maps. Out: their bytes. `blocks` encodes (`matrices` are its small linear algebra), `form`
-//! chooses modes, `descent` trains through them, `quantise` rounds the rest.
+//! In: a trained model. Out: its [`TileParams`](crate::model::TileParams). Callers: `phases`.
+//!
+//! `quantise` leads: it chooses the blocks of both maps, and rounds planes and network. `blocks` fits one
+//! BC7 block to given texels, with the algebra of `matrices`. `descent` improves the blocks of F_uvt by
+//! coordinate descent; `form` improves one of them.
 
 pub(super) mod matrices;
 pub(super) mod blocks;

@@ -1,7 +1,10 @@
-//! The room of what is trained for: samples of a tile's light, and what the maps are to give there.
+//! What is trained for.
 //!
-//! `light` surveys the tile, `problem` holds samples and targets, `features` the maps; `random` is the
-//! generator of all draws.
+//! In: a tile's light. Out: a [`Problem`]: samples of it, and the values that a decoder is to give there.
+//! Callers: the other folders of training.
+//!
+//! `light` surveys the tile, `problem` holds samples and targets, `features` lays out the learned parameters;
+//! `random` is the generator of all draws.
 
 pub(super) mod random;
 pub(super) mod light;

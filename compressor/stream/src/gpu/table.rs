@@ -29,7 +29,7 @@ pub(super) struct Table {
 }
 
 impl Table {
-    pub fn new(
+    pub(super) fn new(
         device: &wgpu::Device,
         queue: &wgpu::Queue,
         pyramid: &Pyramid,
@@ -80,7 +80,7 @@ impl Table {
         table
     }
 
-    pub fn bytes(&self) -> u64 {
+    pub(super) fn bytes(&self) -> u64 {
         self.bytes
     }
 
@@ -90,14 +90,14 @@ impl Table {
     }
 
     /// Writes all entries of a new table.
-    pub fn fill(&self, queue: &wgpu::Queue, stream: &Stream) {
+    pub(super) fn fill(&self, queue: &wgpu::Queue, stream: &Stream) {
         let words: Vec<u32> =
             (0..stream.pyramid().tiles() as u32).map(|tile| word(stream.entry(Tile(tile)))).collect();
         queue.write_buffer(&self.entries, 0, bytemuck::cast_slice(&words));
     }
 
     /// Writes what has changed in a frame; returns the bytes.
-    pub fn write(
+    pub(super) fn write(
         &mut self,
         queue: &wgpu::Queue,
         stream: &Stream,

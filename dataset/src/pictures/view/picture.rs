@@ -123,7 +123,7 @@ impl View {
                 strip = Some((page, rows, image));
             }
             if let Some((_, rows, image)) = &strip {
-                irradiance[i as usize] = bilinear(image, at - Vec2::new(0.0, rows.start as f32));
+                irradiance[i as usize] = image.at(at - Vec2::new(0.0, rows.start as f32));
             }
         }
         // (At night the mean is that of a few places right below lamps.)
@@ -266,17 +266,4 @@ fn row(shown: &Shown) -> Option<(usize, usize)> {
 /// The upper of the two rows around a place. (Negative numbers become 0.)
 fn first_row(at: Vec2) -> usize {
     (at.y - 0.5) as usize
-}
-
-/// The image at a position in texels, whose centres are at (i + ½), clamped to its edge.
-fn bilinear(image: &Image, place: Vec2) -> Vec3 {
-    let place = place - 0.5;
-    let (low, f) = (place.floor(), place - place.floor());
-    let at = |x: f32, y: f32| {
-        let (x, y) = ((x as usize).min(image.width - 1), (y as usize).min(image.height - 1));
-        Vec3::from(image.texels[y * image.width + x])
-    };
-    let upper = at(low.x, low.y).lerp(at(low.x + 1.0, low.y), f.x);
-    let lower = at(low.x, low.y + 1.0).lerp(at(low.x + 1.0, low.y + 1.0), f.x);
-    upper.lerp(lower, f.y)
 }

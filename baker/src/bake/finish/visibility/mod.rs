@@ -261,7 +261,7 @@ impl<'a> VisibilityBaker<'a> {
         let blocks = rows.flat_map(|row| {
             columns.clone().map(move |column| row * self.worker.receivers.columns() + column)
         });
-        blocks.map(|block| (block, self.worker.surface(block))).collect()
+        blocks.map(|block| (block, self.worker.block(block))).collect()
     }
 
     fn visibility_sampler(
@@ -272,10 +272,10 @@ impl<'a> VisibilityBaker<'a> {
     ) -> Option<VisibilitySampler> {
         let across = self.atlas.width as usize;
         let (x, y) = (texel.index as usize % across, texel.index as usize / across);
-        let surface = surfaces.get(&self.worker.receivers.block_of(x, y))?;
-        let in_block = (y - surface.y0) * surface.width + x - surface.x0;
+        let receivers = surfaces.get(&self.worker.receivers.block_of(x, y))?;
+        let in_block = (y - receivers.y0) * receivers.width + x - receivers.x0;
         let points = self.samples.iter().enumerate().filter_map(|(place, &sample)| {
-            Some((self.worker.receiver(surface, in_block, sample, texel.points, counts)?, place))
+            Some((self.worker.receiver(receivers, in_block, sample, texel.points, counts)?, place))
         });
         VisibilitySampler::new(points.collect())
     }

@@ -12,9 +12,9 @@
 
 mod texel_in_space;
 mod stored_blocks;
+mod neighbours;
 mod kernels;
 mod mix;
-mod neighbours;
 #[cfg(test)]
 mod tests;
 
@@ -130,7 +130,7 @@ fn run(
     let mut next = 0;
     for block in worker.blocks() {
         let from = next;
-        next += worker.surface(block).covered().count();
+        next += worker.block(block).covered().count();
         blocks.push((block, from as u32..next as u32));
     }
     let (texels_in_space, rays) = TexelsInSpace::find(worker, &blocks, texels, valid, layers.root())?;

@@ -73,13 +73,13 @@ impl TexelsInSpace {
         /// Blocks whose texels are found at once, per thread.
         const AT_ONCE: usize = 4;
         let of_block = |(block, range): &(usize, Range<u32>)| {
-            let (surface, mut counts) = (worker.surface(*block), RayCounts::default());
+            let (receivers, mut counts) = (worker.block(*block), RayCounts::default());
             let texel_in_space = |(i, texel): (u32, usize)| match valid(i as usize) {
-                true => texel_in_space(worker, &surface, texel, texels[i as usize].points, &mut counts),
+                true => texel_in_space(worker, &receivers, texel, texels[i as usize].points, &mut counts),
                 false => None,
             };
             let texels_in_space: Vec<Option<TexelInSpace>> =
-                range.clone().zip(surface.covered()).map(texel_in_space).collect();
+                range.clone().zip(receivers.covered()).map(texel_in_space).collect();
             (texels_in_space, counts)
         };
         let mut writer = StoredBlocksWriter::create(folder)?;
@@ -250,17 +250,17 @@ fn pack(octave: i16, at: IVec3) -> Key {
 /// Where a texel lies: the mean of those of its points that are surface; none where that has no size.
 fn texel_in_space(
     worker: &Worker,
-    surface: &ReceiverBlock,
+    receivers: &ReceiverBlock,
     texel: usize,
     points: u16,
     counts: &mut RayCounts,
 ) -> Option<TexelInSpace> {
     let space = &worker.transport.space;
-    let at = |point| worker.point(surface, texel, point);
+    let at = |point| worker.point(receivers, texel, point);
     let points: Vec<Receiver> = indices(points).filter_map(at).collect();
     let position = points.iter().map(Receiver::origin).sum::<Vec3>() / points.len() as f32;
     let normal = points.iter().map(Receiver::normal).sum::<Vec3>().try_normalize()?;
-    let size = surface.along(space.geometry, texel).length();
+    let size = receivers.along(space.geometry, texel).length();
     if !(size > 0.0 && size.is_finite() && position.is_finite()) {
         return None;
     }

@@ -1,10 +1,10 @@
 //! Triangles of a mesh that are the same as others, corner by corner.
 
-use super::model::Mesh;
+use super::Mesh;
 
 /// Most equal surfaces in one place: as many panes as rays can tell apart there. Fewer are left alone, since
 /// without its copy of a face that two bodies share, one of them would not be closed.
-pub(super) const MOST_COPIES: usize = 8;
+pub(in crate::geometry) const MOST_COPIES: usize = 8;
 
 /// Numbers of a corner: position, normal, colour and three pairs of coordinates.
 const NUMBERS: usize = 16;
