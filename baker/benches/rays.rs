@@ -5,9 +5,8 @@
 use baker::geometry::{Geometry, Material};
 use baker::scene::load as load_scene;
 use baker::trace::paths::{Sequence, SequenceKind};
-use baker::trace::rays::Backend;
 use baker::trace::rays::ray_tracer::{RayTracer, offset_point};
-use baker::trace::rays::{Bvh8, Tier};
+use baker::trace::rays::{Backend, Bvh8, Tier};
 use glam::{Vec3, vec3};
 use std::path::Path;
 

@@ -53,11 +53,6 @@ impl FaceBins {
         FaceBins { columns, rows, starts, faces }
     }
 
-    /// The block of a texel.
-    pub fn block_of(&self, x: usize, y: usize) -> usize {
-        y / BLOCK * self.columns + x / BLOCK
-    }
-
     /// The blocks that hold surface.
     pub fn occupied(&self) -> Vec<usize> {
         (0..self.columns * self.rows).filter(|&block| !self.faces(block).is_empty()).collect()
@@ -168,11 +163,6 @@ impl BlockSurface {
     /// The covered texels (indices within the block), ascending.
     pub fn covered(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.width * self.height).filter(|&texel| self.is_covered(texel))
-    }
-
-    /// The index of a texel of the block on the virtual page, row by row.
-    pub fn page_index(&self, atlas: &Atlas, texel: usize) -> usize {
-        (self.y0 + texel / self.width) * atlas.width as usize + self.x0 + texel % self.width
     }
 
     /// A point uniformly distributed over the texel's surface, by area on the page. The texel must be

@@ -7,9 +7,8 @@ mod common;
 
 use baker::bake::finish::to_glb;
 use baker::bake::run::{Options, prepare};
-use baker::geometry;
 use baker::light::times::schedule::parse_hours;
-use baker::scene;
+use baker::{geometry, scene};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use common::{Stage, mean};

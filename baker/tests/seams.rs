@@ -2,8 +2,7 @@
 
 use baker::atlas::owners::Owners;
 use baker::atlas::{self, Atlas, Face};
-use baker::bake::finish::Dilation;
-use baker::bake::finish::Seams;
+use baker::bake::finish::{Dilation, Seams};
 use baker::geometry::{self, Geometry, Instance};
 use baker::scene::{self, Lightmap, LightmapSize};
 use baker::surface::{BLOCK, BlockSurface, FaceBins};

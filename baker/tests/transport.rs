@@ -4,17 +4,14 @@
 
 use baker::Rgb;
 use baker::geometry::{Emission, Geometry, Material, Texture, Wrap};
-use baker::light::daylight::SkySampler;
-use baker::light::daylight::SkyTable;
-use baker::light::daylight::SunDisc;
+use baker::light::daylight::{SkySampler, SkyTable, SunDisc};
 use baker::light::lamps::group::{GroupSampler, emitters};
 use baker::scene::{Lamp, Portal, Scene, Sky, SkyImage};
 use baker::surface::SurfacePoint;
 use baker::trace::counts::RayCounts;
 use baker::trace::paths::path::{Transport, sun_sample};
 use baker::trace::paths::{Sequence, SequenceKind};
-use baker::trace::rays::Backend;
-use baker::trace::rays::RayTracer;
+use baker::trace::rays::{Backend, RayTracer};
 use baker::trace::solids::Space;
 use baker::trace::sources::{GroupLight, Lights, SunLight};
 use dataset::image::Image;

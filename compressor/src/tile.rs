@@ -4,12 +4,10 @@
 //! never with its height.
 
 use crate::Result;
-use crate::grid::mirrored;
-use crate::grid::{Grid, Place};
+use crate::grid::{Grid, Place, mirrored};
 use crate::law::{Law, LayerRows, Shares, Sums};
 use crate::model::{BORDER, PAYLOAD};
-use dataset::format::Light;
-use dataset::format::Rect;
+use dataset::format::{Light, Rect};
 use dataset::image::Mask;
 use dataset::store::Dataset;
 use std::collections::BTreeMap;

@@ -4,8 +4,7 @@ mod common;
 
 use common::{python, write_hours};
 use dataset::digest::Digest;
-use dataset::format::Curve;
-use dataset::format::{Config, Light, Part};
+use dataset::format::{Config, Curve, Light, Part};
 use dataset::image::Image;
 use dataset::store::{Dataset, Writer};
 use std::fs;

@@ -5,11 +5,8 @@ mod common;
 
 use common::{Random, python, write_set};
 use dataset::digest::Digest;
-use dataset::format::Normals;
-use dataset::format::SunPath;
 use dataset::format::tiles::{Rect, TILE, tiles};
-use dataset::format::{Config, FileRef, SunVisibility};
-use dataset::format::{Planes, visibility};
+use dataset::format::{Config, FileRef, Normals, Planes, SunPath, SunVisibility, visibility};
 use dataset::store::{Dataset, MANIFEST, Writer};
 use std::fs;
 use std::path::Path;

@@ -2,8 +2,7 @@
 
 use dataset::format::{Config, FORMAT, Frame, Page, VERSION};
 use dataset::image::{Image, Mask};
-use dataset::pictures::View;
-use dataset::pictures::tone;
+use dataset::pictures::{View, tone};
 use dataset::store::{Dataset, Writer};
 use serde_json::{Value, json};
 use std::f32::consts::PI;

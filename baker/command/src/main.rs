@@ -3,14 +3,10 @@
 mod report;
 
 use baker::bake::errors::LocalErrorSummary;
-use baker::bake::forecast::LayoutEstimate;
-use baker::bake::forecast::mistakes;
-use baker::bake::forecast::views;
-use baker::bake::forecast::{DiskSpace, in_words as bytes};
-use baker::bake::forecast::{ESCAPE_RAYS, Forecast, forecast, scale};
-use baker::bake::output::{Point, Prediction, predict};
-use baker::bake::output::{REPORT_FILE, replacement_note};
-use baker::bake::output::{skipped, unwrapped};
+use baker::bake::forecast::{
+    DiskSpace, ESCAPE_RAYS, Forecast, LayoutEstimate, forecast, in_words as bytes, mistakes, scale, views,
+};
+use baker::bake::output::{Point, Prediction, REPORT_FILE, predict, replacement_note, skipped, unwrapped};
 use baker::bake::prepare::hour;
 use baker::bake::run::{Denoise, Integrator, Options, Outcome, Preset, bake, prepare};
 use baker::bake::store::Charts;

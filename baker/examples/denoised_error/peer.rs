@@ -9,8 +9,7 @@
 //! peer's. `judged.json` tells.
 
 use baker::Rgb;
-use baker::bake::errors::Sums;
-use baker::bake::errors::{CellMap, LocalErrorSummary, Pieces};
+use baker::bake::errors::{CellMap, LocalErrorSummary, Pieces, Sums};
 use baker::bake::run::Denoise;
 use baker::bake::store::{Parts, Value};
 use glam::DVec3;

@@ -2,8 +2,7 @@
 
 use super::LightmapPlace;
 use super::lights::Groups;
-use super::model::MOST_COPIES;
-use super::model::{DEFAULT_ALBEDO, Mesh, Model, NodeMesh};
+use super::model::{DEFAULT_ALBEDO, MOST_COPIES, Mesh, Model, NodeMesh};
 use super::movable::LeftOut;
 use super::notes;
 use super::originals::{self, Changed, Source};

@@ -1,9 +1,7 @@
 //! Where to look from when nobody says: a place outside all bodies, with room around it and light in view.
 
 use crate::geometry::Geometry;
-use crate::trace::rays::Hit;
-use crate::trace::rays::NO_TRIANGLE;
-use crate::trace::rays::RayTracer;
+use crate::trace::rays::{Hit, NO_TRIANGLE, RayTracer};
 use glam::{DVec3, Vec3};
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;

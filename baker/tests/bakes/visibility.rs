@@ -10,8 +10,7 @@ use baker::light::times::schedule::parse_hours;
 use baker::light::times::visibility_times::{VisibilityTimes, sun_path};
 use baker::receivers::SurfaceTexels;
 use baker::trace::paths::Transport;
-use dataset::format::Normals;
-use dataset::format::{Between, Visibility};
+use dataset::format::{Between, Normals, Visibility};
 use dataset::observe::Silent;
 use std::path::Path;
 

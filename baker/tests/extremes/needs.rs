@@ -2,8 +2,7 @@
 
 use crate::common::mesh::Obj;
 use crate::common::{Baked, INTEGRATORS, Stage};
-use baker::bake::forecast::LayoutEstimate;
-use baker::bake::forecast::forecast;
+use baker::bake::forecast::{LayoutEstimate, forecast};
 use baker::bake::run::{Denoise, Integrator, Options, prepare};
 use baker::light::times::schedule::parse_hours;
 use baker::trace::counts::RayCounts;

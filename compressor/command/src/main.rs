@@ -13,10 +13,8 @@ use compressor::compress::{DRAFT, MEDIUM, Options, Rate, default_bundle, light_o
 use compressor::decode::{Decoder, Lights};
 use compressor::evaluate::{Measures, SlowMetrics, evaluate, expect_match};
 use compressor::law::WIDEST;
-use compressor::levels;
 use compressor::run::compress_and_judge;
-use compressor::sweep;
-use compressor::{Error, Result, of_bundle};
+use compressor::{Error, Result, levels, of_bundle, sweep};
 use dataset::host::files::{expect_output, write_atomically};
 use dataset::image::Image;
 use dataset::pictures::Lpips;

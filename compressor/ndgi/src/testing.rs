@@ -4,8 +4,7 @@
 
 use crate::bc7::{self, Block, Mode};
 use crate::bundle::{self, Header, PageKind, Payload};
-use crate::grid::Grid;
-use crate::grid::Place;
+use crate::grid::{Grid, Place};
 use crate::half::F16;
 use crate::model::{Contents, Knot, Profile, Shape, TileParams};
 use crate::sun::{self, Coder, Counts, Shadows, Sun, SunPath, TileSun, Word};

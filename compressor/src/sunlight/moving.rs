@@ -5,8 +5,7 @@ use super::{SunBand, Sunlight};
 use crate::Result;
 use crate::model::BORDER;
 use crate::tile::{self, Coverage};
-use dataset::format::Rect;
-use dataset::format::{Between, Planes, Visibility};
+use dataset::format::{Between, Planes, Rect, Visibility};
 use ndgi::bundle::Section;
 use ndgi::sun::{SIDE, STEPS, TileSun, encode_shadows};
 

@@ -2,9 +2,8 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a bench")]
 
-use ndgi::Bundle;
 use ndgi::grid::Grid;
-use ndgi::testing;
+use ndgi::{Bundle, testing};
 use ndgi_stream::{Answer, Budgets, Completion, Pyramid, Seen, Stream, Tile};
 use std::sync::Arc;
 use std::time::Instant;

@@ -1,13 +1,11 @@
 //! The dataset `court`, whose sun is apart: with layers, curves, the sun's path and its visibility.
 
 use dataset::format::Curve;
-use dataset::format::Normals;
-use dataset::format::SunPath;
 use dataset::format::tiles::{TILE, tiles};
 use dataset::format::{
-    Baked, Config, Daylight, FORMAT, Frame, Group, Layer, Light, Page, Part, SunVisibility, VERSION,
+    Baked, Config, Daylight, FORMAT, Frame, Group, Layer, Light, Normals, Page, Part, Planes, SunPath,
+    SunVisibility, VERSION, visibility,
 };
-use dataset::format::{Planes, visibility};
 use dataset::image::{Image, Mask};
 use dataset::store::Writer;
 use std::path::Path;

@@ -5,11 +5,11 @@ mod common;
 
 use common::{Random, share, write_set};
 use dataset::Error;
-use dataset::format::Normals;
-use dataset::format::SunPath;
 use dataset::format::tiles::{TILE, tiles};
 use dataset::format::visibility::{Planes, to_bytes};
-use dataset::format::{Config, Light, Part, Source, SunVisibility, Transfer, TransferLight, TransferPart};
+use dataset::format::{
+    Config, Light, Normals, Part, Source, SunPath, SunVisibility, Transfer, TransferLight, TransferPart,
+};
 use dataset::halve::{halve, halved_inputs, open};
 use dataset::image::{Image, Mask};
 use dataset::observe::Silent;

@@ -8,10 +8,9 @@
 
 use super::half::{Counted, Half};
 use crate::Result;
-use crate::format::Normals;
 use crate::format::tiles::{Rect, TILE, grid, tiles};
 use crate::format::visibility::{Planes, to_bytes};
-use crate::format::{Config, FileRef};
+use crate::format::{Config, FileRef, Normals};
 use crate::host::signals::stop_if_interrupted;
 use crate::observe::Meter;
 use crate::store::{Dataset, Sunlight, Writer, stem_of};

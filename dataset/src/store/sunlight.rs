@@ -1,10 +1,7 @@
 //! The sun's direct light at any time of the bake, from its path, its visibility and the normals.
 
 use super::{Dataset, check};
-use crate::format::FileRef;
-use crate::format::Normals;
-use crate::format::SunPath;
-use crate::format::{Between, Visibility};
+use crate::format::{Between, FileRef, Normals, SunPath, Visibility};
 use crate::image::Image;
 use crate::{Error, Result};
 

@@ -1,8 +1,7 @@
 //! Verifies every byte: `dataset check`.
 
 use super::{Dataset, check};
-use crate::format::Curve;
-use crate::format::FileRef;
+use crate::format::{Curve, FileRef};
 use crate::image::{self, Mask};
 use crate::observe::count;
 use crate::{Error, Result};

@@ -3,9 +3,7 @@
 
 use crate::atlas::Atlas;
 use crate::geometry::Geometry;
-use crate::trace::paths::EndlessPath;
-use crate::trace::paths::Transport;
-use crate::trace::paths::{Sequence, SequenceKind};
+use crate::trace::paths::{EndlessPath, Sequence, SequenceKind, Transport};
 use crate::{Error, Result};
 use rayon::prelude::*;
 

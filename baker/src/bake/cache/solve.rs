@@ -9,15 +9,12 @@ use super::endless_light;
 use super::solver_paths::trace;
 use crate::Result;
 use crate::atlas::Atlas;
-use crate::bake::samples::Cache;
-use crate::bake::samples::Worker;
-use crate::bake::store::{ALL_POINTS, BlockState, is_usable};
-use crate::bake::store::{CACHE_FILE, WorkFolder};
+use crate::bake::samples::{Cache, Worker};
+use crate::bake::store::{ALL_POINTS, BlockState, CACHE_FILE, WorkFolder, is_usable};
 use crate::receivers::ReceiverBlock;
 use crate::surface::BLOCK;
 use crate::trace::counts::{RayCounts, sum};
-use crate::trace::irradiance::CacheHalf;
-use crate::trace::irradiance::CacheMap;
+use crate::trace::irradiance::{CacheHalf, CacheMap};
 use crate::trace::solids::Receiver;
 use dataset::observe::Observer;
 

@@ -6,11 +6,8 @@
 
 use super::local_errors::{CellMap, Pieces};
 use super::sums::Sums;
-use crate::bake::samples::Cache;
-use crate::bake::samples::Worker;
-use crate::bake::samples::distinct;
-use crate::bake::store::{CELLS, cell_of};
-use crate::bake::store::{Parts, Value};
+use crate::bake::samples::{Cache, Worker, distinct};
+use crate::bake::store::{CELLS, Parts, Value, cell_of};
 use crate::receivers::ReceiverBlock;
 use crate::{Result, Rgb};
 use dataset::host::signals::stop_if_interrupted;

@@ -253,10 +253,9 @@ mod tests {
                 for block in bins.occupied() {
                     let surface = crate::surface::BlockSurface::new(&atlas, &bins, block);
                     for texel in surface.covered() {
-                        let (i, point) = (
-                            surface.page_index(&atlas, texel),
-                            surface.sample(&atlas, texel, glam::Vec2::splat(0.5)),
-                        );
+                        let (x, y) = (texel % surface.width, texel / surface.width);
+                        let i = (surface.y0 + y) * atlas.width as usize + surface.x0 + x;
+                        let point = surface.sample(&atlas, texel, glam::Vec2::splat(0.5));
                         let face = atlas.faces.iter().find(|face| face.triangle == point.triangle).unwrap();
                         let [a, b, c] = face.corners;
                         let (low, high) = (a.min(b).min(c), a.max(b).max(c));

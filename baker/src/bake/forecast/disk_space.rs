@@ -2,11 +2,8 @@
 //! traced, not after hours of it.
 
 use super::layout_estimate::{LayoutEstimate, cache_entries};
-use crate::bake::layers::CHECKSUM;
-use crate::bake::layers::Layers;
-use crate::bake::layers::denoise;
-use crate::bake::prepare::Prepared;
-use crate::bake::prepare::{Integrator, Options};
+use crate::bake::layers::{CHECKSUM, Layers, denoise};
+use crate::bake::prepare::{Integrator, Options, Prepared};
 use crate::bake::store::WorkFolder;
 use crate::scene::Baked;
 use crate::trace::irradiance::CacheHalf;

@@ -4,8 +4,7 @@
 use crate::atlas::Atlas;
 use crate::geometry::Geometry;
 use crate::scene::Camera;
-use crate::trace::rays::RayTracer;
-use crate::trace::rays::{Lens, NO_TRIANGLE};
+use crate::trace::rays::{Lens, NO_TRIANGLE, RayTracer};
 use dataset::format::TILE;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;

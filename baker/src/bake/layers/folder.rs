@@ -11,11 +11,8 @@
 
 use super::layer_file::{CHECKSUM, Partial, Source, file_name, is_whole, records};
 use crate::bake::prepare::Part;
-use crate::bake::rounds::Traced;
-use crate::bake::rounds::{BlockHistory, Tracer};
-use crate::bake::store::json;
-use crate::bake::store::{CHARTS_FILE, LAYERS_FOLDER};
-use crate::bake::store::{Filtered, StoredValue, Value};
+use crate::bake::rounds::{BlockHistory, Traced, Tracer};
+use crate::bake::store::{CHARTS_FILE, Filtered, LAYERS_FOLDER, StoredValue, Value, json};
 use crate::trace::counts::RayCounts;
 use crate::{Error, Result, Rgb};
 use bytemuck::{Pod, Zeroable};

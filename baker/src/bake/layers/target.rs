@@ -3,9 +3,7 @@
 
 use super::folder::{FilteredLayer, Layers, Texel, each_sum};
 use crate::Result;
-use crate::bake::errors::Sums;
-use crate::bake::errors::{CellMap, LocalErrorSummary, Pieces};
-use crate::bake::errors::{TargetJudgement, UnconvergedCells};
+use crate::bake::errors::{CellMap, LocalErrorSummary, Pieces, Sums, TargetJudgement, UnconvergedCells};
 use crate::bake::prepare::Part;
 use crate::bake::store::Parts;
 

@@ -4,12 +4,9 @@
 use super::folder;
 use super::outcome::Outcome;
 use crate::bake::finish::GLB_FILE;
-use crate::bake::layers::Layers;
-use crate::bake::layers::kept;
-use crate::bake::prepare::Options;
-use crate::bake::prepare::Prepared;
-use crate::bake::store::LAYERS_FOLDER;
-use crate::bake::store::WorkFolder;
+use crate::bake::layers::{Layers, kept};
+use crate::bake::prepare::{Options, Prepared};
+use crate::bake::store::{LAYERS_FOLDER, WorkFolder};
 use crate::scene::LightmapSize;
 use crate::trace::counts::RayCounts;
 use crate::{Error, Result};

@@ -3,11 +3,9 @@
 use crate::bake::forecast::DiskSpace;
 use crate::bake::layers::{Layers, Texel};
 use crate::bake::prepare::Options;
-use crate::bake::store::Charts;
-use crate::bake::store::WorkFolder;
+use crate::bake::store::{Charts, WorkFolder};
 use crate::{Error, Result};
-use dataset::host::files;
-use dataset::host::lock;
+use dataset::host::{files, lock};
 use dataset::store;
 use dataset::store::Writer;
 use std::ffi::OsStr;

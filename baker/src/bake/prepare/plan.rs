@@ -2,18 +2,13 @@
 
 use crate::bake::store::json;
 use crate::geometry::Geometry;
-use crate::light::daylight::SkySampler;
-use crate::light::daylight::ground;
-use crate::light::daylight::harmonics;
-use crate::light::daylight::{SkyTable, sky};
-use crate::light::daylight::{SunDisc, sun};
+use crate::light::daylight::{SkySampler, SkyTable, SunDisc, ground, harmonics, sky, sun};
 use crate::light::lamps::GroupSampler;
 use crate::light::lamps::emitter::emitters;
 use crate::light::times::schedule::{Hours, TimePoint, switches_outside};
 use crate::light::times::{ExtraTimes, extra_times};
 use crate::scene::{Baked, Lamp, Scene, Sky};
-use crate::trace::sources::Room;
-use crate::trace::sources::{GroupLight, Lights, SunLight};
+use crate::trace::sources::{GroupLight, Lights, Room, SunLight};
 use crate::{Result, Rgb};
 use dataset::format::TransferPart;
 use dataset::observe::count;

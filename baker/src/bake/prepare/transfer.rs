@@ -2,8 +2,7 @@
 
 use crate::light::daylight::harmonics::{hours, parts};
 use crate::light::daylight::project::{coefficients, is_upper};
-use crate::light::times::Hours;
-use crate::light::times::extra_times;
+use crate::light::times::{Hours, extra_times};
 use crate::scene::{Baked, LightsOfFiles, Scene, Sky, SurfaceOverrides};
 use crate::{Error, Result};
 use dataset::format::{Transfer, TransferLight};

@@ -1,11 +1,8 @@
 //! What the blocks of a page reached in a round, all together.
 
 use super::round::Round;
-use crate::bake::errors::BlockErrors;
-use crate::bake::errors::{CellMap, LocalErrorSummary};
-use crate::bake::errors::{Errors, Sums, median};
-use crate::bake::store::CELLS;
-use crate::bake::store::Parts;
+use crate::bake::errors::{BlockErrors, CellMap, Errors, LocalErrorSummary, Sums, median};
+use crate::bake::store::{CELLS, Parts};
 use crate::trace::counts::RayCounts;
 
 /// A block after a round.

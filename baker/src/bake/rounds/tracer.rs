@@ -10,18 +10,13 @@ use super::round_summary::{BlockResult, summarise};
 use super::step::Step;
 use crate::Result;
 use crate::atlas::Atlas;
-use crate::bake::cache::endless_light;
-use crate::bake::cache::{Covered, solve};
-use crate::bake::errors::{CachedLight, Floors};
-use crate::bake::errors::{CellMap, of_block};
-use crate::bake::errors::{TargetJudgement, UnconvergedCells};
+use crate::bake::cache::{Covered, endless_light, solve};
+use crate::bake::errors::{CachedLight, CellMap, Floors, TargetJudgement, UnconvergedCells, of_block};
 use crate::bake::prepare::Limits;
-use crate::bake::samples::Cache;
-use crate::bake::samples::Worker;
-use crate::bake::samples::{Class, Histogram, Pivot, classes, distinct, log2_shares};
-use crate::bake::store::Parts;
-use crate::bake::store::{BlockState, CELLS, cell_of};
-use crate::bake::store::{DIRECT_FILE, PIVOT_FILE, ROUNDS_FILE, UNSETTLED_FILE, WorkFolder};
+use crate::bake::samples::{Cache, Class, Histogram, Pivot, Worker, classes, distinct, log2_shares};
+use crate::bake::store::{
+    BlockState, CELLS, DIRECT_FILE, PIVOT_FILE, Parts, ROUNDS_FILE, UNSETTLED_FILE, WorkFolder, cell_of,
+};
 use crate::receivers::ReceiverBlock;
 use crate::trace::counts::{RayCounts, sum};
 use dataset::host::signals::stop_if_interrupted;

@@ -7,8 +7,7 @@
 //! be wrong. (By the pivot it has a say of the order of one in all texels: so few of them have none.)
 
 use crate::Rgb;
-use crate::bake::store::Parts;
-use crate::bake::store::{BlockState, CELLS, cell_of};
+use crate::bake::store::{BlockState, CELLS, Parts, cell_of};
 use crate::receivers::ReceiverBlock;
 use crate::trace::sources::Lights;
 

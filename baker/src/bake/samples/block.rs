@@ -37,7 +37,7 @@ pub enum Stream {
 pub struct Worker<'a> {
     /// Light and geometry.
     pub transport: Transport<'a>,
-    /// What light is gathered at.
+    /// Where light is gathered.
     pub receivers: &'a dyn Receivers,
     /// Seed of all randomness.
     pub seed: u64,
@@ -47,12 +47,12 @@ pub struct Worker<'a> {
 }
 
 impl Worker<'_> {
-    /// The blocks that hold surface.
+    /// The blocks that have receivers.
     pub fn blocks(&self) -> Vec<usize> {
         self.receivers.blocks()
     }
 
-    /// The surface of a block.
+    /// The receivers of a block.
     pub fn block(&self, block: usize) -> ReceiverBlock<'_> {
         self.receivers.block(block)
     }

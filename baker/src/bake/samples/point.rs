@@ -13,8 +13,7 @@ use crate::bake::store::{ALL_POINTS, BlockState, POINTS, is_enough};
 use crate::receivers::ReceiverBlock;
 use crate::surface::BLOCK;
 use crate::trace::counts::{RayCounts, sum};
-use crate::trace::solids::SurfaceAxes;
-use crate::trace::solids::{Receiver, SurroundingHits};
+use crate::trace::solids::{Receiver, SurfaceAxes, SurroundingHits};
 use glam::Vec3;
 use rayon::prelude::*;
 

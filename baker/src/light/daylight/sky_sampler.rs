@@ -6,9 +6,8 @@
 
 use super::sky::SkyTable;
 use super::sky_image::{ImageMap, LatLong};
-use crate::light::cos_bound;
 use crate::light::lamps::Rectangle;
-use crate::light::luminance;
+use crate::light::{cos_bound, luminance};
 use crate::scene::{Portal, Scene};
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use std::f64::consts::{PI, TAU};

@@ -7,8 +7,7 @@
 use super::lamp::Outline;
 use crate::Rgb;
 use crate::geometry::Geometry;
-use crate::light::cos_bound;
-use crate::light::luminance;
+use crate::light::{cos_bound, luminance};
 use glam::{DVec2, DVec3, Vec3};
 use std::f64::consts::{FRAC_PI_2, PI};
 

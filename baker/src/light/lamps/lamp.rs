@@ -9,10 +9,9 @@ use super::ball::Cone;
 use super::disc::Disc;
 use super::rectangle::Rectangle;
 use crate::Rgb;
-use crate::light::cosine_hemisphere;
 #[cfg(test)]
 use crate::light::cosine_hemisphere_inverse;
-use crate::light::luminance;
+use crate::light::{cosine_hemisphere, luminance};
 use crate::scene::{Lamp, Profile};
 #[cfg(test)]
 use glam::DVec2;

@@ -5,8 +5,7 @@
 //! is known well enough from the sun and the sky alone, so that the times are found before any ray is traced.
 
 use super::schedule::{self, Hours, TimePoint, is_on};
-use crate::light::daylight::Illuminance;
-use crate::light::daylight::sun;
+use crate::light::daylight::{Illuminance, sun};
 use crate::light::luminance;
 use crate::scene::{Baked, Scene};
 use serde::Serialize;

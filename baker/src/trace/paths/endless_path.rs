@@ -5,8 +5,7 @@ use super::sampler::{Sequence, SequenceKind};
 use crate::Rgb;
 use crate::surface::SurfacePoint;
 use crate::trace::counts::RayCounts;
-use crate::trace::rays::Hit;
-use crate::trace::rays::PassedGlass;
+use crate::trace::rays::{Hit, PassedGlass};
 use crate::trace::solids::Receiver;
 use glam::{Vec2, Vec3};
 

@@ -11,13 +11,10 @@ use crate::Rgb;
 use crate::light::lamps::LampSample;
 use crate::surface::SurfacePoint;
 use crate::trace::counts::RayCounts;
-use crate::trace::rays::Hit;
-use crate::trace::rays::PassedGlass;
 use crate::trace::rays::pane::{GlassEvent, pass_or_reflect};
+use crate::trace::rays::{Hit, PassedGlass};
 use crate::trace::solids::{Receiver, Space};
-use crate::trace::sources::FlushEmitters;
-use crate::trace::sources::{FEW_GROUPS, SystematicSampler};
-use crate::trace::sources::{GroupLight, Lights, SunSample};
+use crate::trace::sources::{FEW_GROUPS, FlushEmitters, GroupLight, Lights, SunSample, SystematicSampler};
 use glam::{Vec2, Vec3};
 use std::f32::consts::PI;
 

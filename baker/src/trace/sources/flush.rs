@@ -5,9 +5,8 @@
 use super::lights::Lights;
 use crate::Rgb;
 use crate::geometry::Geometry;
-use crate::trace::rays::Bvh8;
-use crate::trace::rays::Hit;
 use crate::trace::rays::light_point::{is_in_plane, tolerance};
+use crate::trace::rays::{Bvh8, Hit};
 use crate::trace::solids::Space;
 use glam::{DVec3, Vec3};
 use std::sync::Arc;

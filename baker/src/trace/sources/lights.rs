@@ -4,9 +4,7 @@
 use super::light_subset::{FEW_GROUPS, chances};
 use super::room::Room;
 use crate::Rgb;
-use crate::light::daylight::SkySampler;
-use crate::light::daylight::SkyTable;
-use crate::light::daylight::{DiscSampler, SunDisc};
+use crate::light::daylight::{DiscSampler, SkySampler, SkyTable, SunDisc};
 use crate::light::lamps::GroupSampler;
 use glam::{Vec2, Vec3};
 

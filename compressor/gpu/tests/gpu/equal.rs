@@ -1,12 +1,11 @@
 //! The shader against the decoder on the CPU: whole bundles.
 
 use crate::common::*;
-use ndgi::Bundle;
 use ndgi::bundle::{self, Header, Payload};
 use ndgi::decode::Lights;
 use ndgi::grid::{Grid, Place};
 use ndgi::model::{Contents, Profile};
-use ndgi::testing;
+use ndgi::{Bundle, testing};
 use ndgi_gpu::{DecodeParams, Decoder, Options, Output, Page, Precision, Request, Target};
 
 /// PSNR of a page against another, by its largest value.

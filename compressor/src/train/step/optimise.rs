@@ -8,11 +8,8 @@ use super::kernel::{
 use super::network::{CHUNK, Network, NetworkGradient};
 use crate::Result;
 use crate::lanes::{Quad, Tier};
-use crate::train::Aim;
-use crate::train::Coded;
-use crate::train::targets::Layout;
-use crate::train::targets::Random;
-use crate::train::targets::{GUTTER_SHARE, Problem, Texel};
+use crate::train::targets::{GUTTER_SHARE, Layout, Problem, Random, Texel};
+use crate::train::{Aim, Coded};
 use dataset::host::signals::stop_if_interrupted;
 use dataset::pictures::metrics::psnr_db;
 use std::ops::Range;

@@ -9,9 +9,7 @@ use crate::light::daylight::SunDisc;
 use crate::light::times::visibility_times::{VisibilityTimes, mean_direction};
 use crate::trace::counts::RayCounts;
 use crate::trace::solids::Space;
-use crate::trace::sources::SunLight;
-use crate::trace::sources::SunSample;
-use crate::trace::sources::{SunAtTime, VisibilitySampler};
+use crate::trace::sources::{SunAtTime, SunLight, SunSample, VisibilitySampler};
 use dataset::format::Planes;
 use rayon::prelude::*;
 
