@@ -305,6 +305,10 @@ fn stale_bundle(dataset: &Dataset) -> Option<PathBuf> {
 /// Prints what a bake would do.
 fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
     let prepared = prepare(scene, options, console)?;
+    let out = prepared.out(options);
+    // First what decides whether the rest matters, which can be long.
+    let mut existing = replacement_note(&prepared, options)?;
+    existing.iter().for_each(|what| console.print(what));
     let plan = &prepared.plan;
     let layers: Vec<String> = (0..plan.layers()).map(|layer| plan.name_of(layer)).collect();
     console.print(format!(
@@ -320,7 +324,6 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
             Integrator::Path => "path",
         }
     ));
-    let out = prepared.out(options);
     let charts = Charts::beside(&out);
     let layout = LayoutEstimate::of(&prepared, &charts)?;
     let unwrapped = unwrapped(charts.counts());
@@ -335,6 +338,13 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
     let forecast = forecast(&prepared, &layout)?;
     let (left, free) =
         (DiskSpace::still_needed(&prepared, &layout, &out, options), (options.free_bytes)(&out));
+    if existing.is_none()
+        && let Err(refused) = left.check_free_space(&out, free)
+    {
+        let refused = format!("this bake would be refused: {refused}");
+        console.print(format!("  {refused}"));
+        existing = Some(refused);
+    }
     say_forecast(&forecast, free, console);
     let layout = unwrapped.into_iter().chain(skipped(&layout.atlas)).chain(notes);
     layout.for_each(|what| console.print(format!("  {what}")));
@@ -357,11 +367,6 @@ fn plan(scene: &Path, options: &Options, console: &Console) -> Result<()> {
     plan.skipped.iter().for_each(|reason| console.print(format!("  {reason}")));
     let expected = predict(&prepared, &out, forecast.texels);
     say_prediction(expected.as_ref(), &out, console);
-    let existing = replacement_note(&prepared, options)?.or_else(|| {
-        let refused = left.check_free_space(&out, free).err()?;
-        Some(format!("this bake would be refused: {refused}"))
-    });
-    existing.iter().for_each(|what| console.print(format!("  {what}")));
     let times: Vec<f64> = plan.times.iter().map(|m| m.hour).collect();
     let warnings = [&prepared.warnings[..], &of_layout].concat();
     console.result(&json!({
