@@ -3,6 +3,7 @@
 use crate::{Error, Result};
 pub(super) use dataset::error::of_bundle;
 use dataset::format::Config;
+use dataset::host::inputs::expect_file;
 use dataset::store::Dataset;
 use ndgi::decode::Decoder;
 use serde_json::Value;
@@ -24,6 +25,7 @@ impl Compressed {
     /// # Errors
     /// A file that is no bundle, or is damaged.
     pub(super) fn open(path: &Path) -> Result<Self> {
+        expect_file(path, "a bundle, a .ndgi file, as `compress <dataset>` writes it")?;
         let decoder = Decoder::open(path).map_err(of_bundle)?;
         let info = serde_json::from_str(&decoder.bundle().header.info).unwrap_or_default();
         Ok(Compressed { path: path.to_owned(), decoder, info })

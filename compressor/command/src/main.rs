@@ -16,6 +16,7 @@ use compressor::law::WIDEST;
 use compressor::run::compress_and_judge;
 use compressor::{Error, Result, levels, of_bundle, sweep};
 use dataset::host::files::{expect_output, write_atomically};
+use dataset::host::inputs::expect_file;
 use dataset::image::Image;
 use dataset::pictures::Lpips;
 use dataset::store::Dataset;
@@ -243,15 +244,7 @@ fn distinct<T: PartialEq>(named: Vec<T>) -> Vec<T> {
 
 /// Opens a bundle; if it does not exist, the error says how to make one.
 fn open(path: &Path) -> Result<Bundle> {
-    if path.is_dir() {
-        return Err(Error::invalid(
-            path.display(),
-            "is a folder; expected a bundle, a file that ends in .ndgi",
-        ));
-    }
-    if !path.exists() {
-        return Err(Error::invalid(path.display(), "no such bundle; `compress <dataset>` writes one"));
-    }
+    expect_file(path, "a bundle, a .ndgi file, as `compress <dataset>` writes it")?;
     Bundle::open(path).map_err(of_bundle)
 }
 

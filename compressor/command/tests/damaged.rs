@@ -14,11 +14,16 @@ use dataset::observe::Silent;
 use dataset::store::Dataset;
 use std::fs;
 use std::io::{BufRead, BufReader};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 fn options(out: &Path) -> Options {
     Options { iterations: 60, out: Some(out.to_owned()), ..Options::of(DRAFT) }
+}
+
+/// A bundle that was not trained here.
+fn bundle() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/fuzz/corpus/bundle/lamps.ndgi")
 }
 
 fn command(folder: &Path) -> Command {
@@ -49,6 +54,51 @@ fn a_bundle_of_another_version_is_not_replaced_unless_forced() {
         assert!(fs::read(&out).unwrap() == other, "{version}");
         assert!(run(&["--force"]).status.success(), "{version}");
         assert!(Bundle::open(&out).is_ok(), "{version}");
+    }
+}
+
+#[test]
+fn inputs_that_are_missing_or_of_another_kind_are_named_with_what_was_expected() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("court");
+    write(&root, moving);
+    fs::write(folder.path().join("file"), b"x").unwrap();
+    let of_bundle = |path: &str, found: &str| {
+        format!("error: {path}: {found}; expected a bundle, a .ndgi file, as `compress <dataset>` writes it")
+    };
+    let dataset = |path: &str, found: &str| {
+        format!("error: {path}: not a dataset: {found}; expected a folder with config.json")
+    };
+    let (missing, folder_there) = ("no such file", "is a folder");
+    let of_own = "error: court/court.ndgi: no such file; expected a bundle, a .ndgi file, as `compress court` writes it";
+    for (arguments, expected) in [
+        (&["info", "none"][..], of_bundle("none", missing)),
+        (&["info", "file/none"], of_bundle("file/none", missing)),
+        (&["info", "court"], of_bundle("court", folder_there)),
+        (&["decode", "none", "--hour", "3", "--out", "a.exr"], of_bundle("none", missing)),
+        (&["evaluate", "court", "--bundle", "none"], of_bundle("none", missing)),
+        (&["evaluate", "court"], of_bundle("court/court.ndgi", missing)),
+        (&["view", "court"], of_own.to_owned()),
+        (&["view", "court", "--bundle", "none"], of_bundle("none", missing)),
+        (&["view", "court", "--bundle", "court"], of_bundle("court", folder_there)),
+        (&["view", "none"], "error: none: no such file; expected a dataset's folder, or a bundle".to_owned()),
+        (&["none"], dataset("none", "it does not exist")),
+        (&["status", "file"], dataset("file", "it is not a folder")),
+        (&["sweep", "none"], dataset("none", "it does not exist")),
+        (&["compare", "none"], dataset("none", "it does not exist")),
+        (&["compare", "court", "--transfer", "none"], dataset("none", "it does not exist")),
+    ] {
+        let output = command(folder.path()).args(arguments).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(1) && said.contains(&expected), "{arguments:?}: {said}");
+        assert!(!said.contains("os error"), "{said}");
+    }
+    fs::copy(bundle(), folder.path().join("lamps.ndgi")).unwrap();
+    for (path, found) in [("none", "no such file"), ("court", "is a folder")] {
+        let output = command(folder.path()).args(["view", "lamps.ndgi", "--scene", path]).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        let expected = format!("error: {path}: {found}; expected the scene's geometry, a GLB file (--scene)");
+        assert!(output.status.code() == Some(1) && said.contains(&expected), "{said}");
     }
 }
 

@@ -6,6 +6,7 @@ use crate::compress::{default_bundle, light_of};
 use crate::evaluate::sizes;
 use crate::{Error, Result, of_bundle};
 use dataset::format::config::{Config, hours_apart};
+use dataset::host::inputs::expect_file;
 use dataset::pictures::Camera;
 use dataset::store::Dataset;
 use ndgi::pack::rgb9e5;
@@ -63,16 +64,12 @@ impl Source {
             (None, Some(dataset)) if is_folder => default_bundle(dataset),
             _ => input.to_owned(),
         };
-        if !bundle.is_file() {
-            let of = match is_folder && options.bundle.is_none() {
-                true => folder.display().to_string(),
-                false => "<dataset>".to_owned(),
-            };
-            return Err(Error::invalid(
-                bundle.display(),
-                format!("no such bundle; `compress {of}` writes one"),
-            ));
-        }
+        let (or, of) = match (is_folder, &options.bundle) {
+            (true, None) => ("", folder.display().to_string()),
+            (false, None) => ("a dataset's folder, or ", "<dataset>".to_owned()),
+            (_, Some(_)) => ("", "<dataset>".to_owned()),
+        };
+        expect_file(&bundle, &format!("{or}a bundle, a .ndgi file, as `compress {of}` writes it"))?;
         let opened = Bundle::open(&bundle).map_err(of_bundle)?;
         // The page itself verifies no checksums.
         opened.verify().map_err(of_bundle)?;
@@ -225,13 +222,8 @@ enum Data {
 
 fn scene_of(options: &Options, dataset: Option<&Dataset>, folder: &Path) -> Result<Option<PathBuf>> {
     if let Some(path) = &options.scene {
-        return match path.is_file() {
-            true => Ok(Some(path.clone())),
-            false => Err(Error::invalid(
-                "--scene",
-                format!("{}: no such file; expected a GLB file", path.display()),
-            )),
-        };
+        expect_file(path, "the scene's geometry, a GLB file (--scene)")?;
+        return Ok(Some(path.clone()));
     }
     let of_dataset = dataset.and_then(|dataset| Some((dataset, dataset.config.geometry.as_ref()?)));
     match of_dataset.filter(|(dataset, file)| dataset.path(file).is_file()) {

@@ -85,6 +85,61 @@ fn what_is_not_a_dataset_is_named_once() {
 }
 
 #[test]
+fn inputs_that_are_missing_or_of_another_kind_are_named_with_what_was_expected() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let out = at("out").display().to_string();
+    fs::write(at("file"), b"x").unwrap();
+    fs::create_dir(at("folder.toml")).unwrap();
+    let frame = "[[frame]]\nhour = 5\nfiles = [\"dawn.exr\"]\n";
+    fs::write(at("frames.toml"), frame).unwrap();
+    fs::write(at("masks.toml"), format!("[[page]]\nmask = \"mask.png\"\n{frame}")).unwrap();
+    let mask = at("mask.png").display().to_string();
+    let of_layout = |layout| vec!["import", "--out", &out, "--layout", layout];
+    let of_pattern = ["import", "--out", &out, "--pattern", "{hour}.exr"];
+    for (arguments, path, named, expected) in [
+        (of_layout("hprc1"), "none", "none", "no such folder; expected a folder in the layout hprc1"),
+        (of_layout("hprc2"), "none", "none", "no such folder; expected a folder in the layout hprc2"),
+        (
+            of_layout("hprc2"),
+            "",
+            "config.json",
+            "no such file; expected the configuration of the layout hprc2",
+        ),
+        (of_pattern.to_vec(), "none", "none", "no such folder; expected a folder of EXR files"),
+        ([&of_pattern[..], &["--mask", &mask]].concat(), "", "mask.png", "no such file; expected the mask"),
+        (
+            of_pattern[..3].to_vec(),
+            "none",
+            "none",
+            "no such file or folder; expected a folder, with --layout",
+        ),
+        (of_pattern[..3].to_vec(), "none.toml", "none.toml", "no such file; expected a TOML file"),
+        (of_pattern[..3].to_vec(), "folder.toml", "folder.toml", "is a folder; expected a TOML file"),
+        (of_pattern[..3].to_vec(), "frames.toml", "dawn.exr", "no such file; expected an EXR image: "),
+        (
+            of_pattern[..3].to_vec(),
+            "masks.toml",
+            "mask.png",
+            "no such file; expected a PNG, JPEG or EXR image: ",
+        ),
+        (vec!["verify"], "none", "none", "no such folder; expected a release"),
+        (vec!["verify"], "file", "file", "is not a folder; expected a release"),
+        (vec!["verify"], "folder.toml", "folder.toml/SHA256SUMS", "no such file; expected a release"),
+    ] {
+        let output = run(&arguments, &folder.path().join(path));
+        let message = String::from_utf8_lossy(&output.stderr);
+        let place = folder.path().join(named);
+        assert!(
+            message.contains(&format!("error: {}: {expected}", place.display())),
+            "{arguments:?}: {message}"
+        );
+        assert!(!message.contains("os error") && output.status.code() == Some(1), "{message}");
+        assert!(!at("out").exists());
+    }
+}
+
+#[test]
 fn import_and_export_report_what_they_did() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).display().to_string();

@@ -2,6 +2,7 @@
 
 use super::incoming::{Incoming, IncomingFrame, IncomingPage, Light, MaskFile};
 use crate::format::{Baked, Group};
+use crate::host::inputs::{expect_file, expect_folder};
 use crate::image::find_channels;
 use crate::layout::EXR;
 use crate::{Error, Result};
@@ -30,6 +31,8 @@ pub(super) fn by_pattern(
         .ok_or_else(|| {
             wrong(format!("expected the name of a file with {HOUR} once, such as light_{HOUR}.exr"))
         })?;
+    expect_folder(folder, "a folder of EXR files")?;
+    mask.map_or(Ok(()), |mask| expect_file(mask, "the mask: a PNG, JPEG or EXR image"))?;
     let mut names: Vec<String> = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(Error::io(folder))? {
         let entry = entry.map_err(Error::io(folder))?;
@@ -115,6 +118,7 @@ struct TableGroup {
 
 /// The files that a TOML file names, relative to it.
 pub(super) fn by_table(path: &Path) -> Result<Incoming> {
+    expect_file(path, "a TOML file that names EXR files")?;
     let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
     // What is wrong, with the line of its place in the text.
     let wrong = |at: Option<Range<usize>>, what: &str| {
@@ -154,19 +158,24 @@ pub(super) fn by_table(path: &Path) -> Result<Incoming> {
         }
         groups.push(group);
     }
-    let mask = |page: usize| {
-        let mask = table.page.get(page).and_then(|page| page.mask.as_ref());
-        mask.map(|mask| MaskFile::Picture(folder.join(mask)))
-    };
-    let files =
+    let masks: Vec<Option<PathBuf>> =
+        (0..pages_told).map(|page| Some(folder.join(table.page.get(page)?.mask.as_ref()?))).collect();
+    for mask in masks.iter().flatten() {
+        expect_file(mask, &format!("a PNG, JPEG or EXR image: {} names it as a mask", path.display()))?;
+    }
+    let files: Vec<Vec<PathBuf>> =
         frames.iter().map(|frame| frame.files.iter().map(|file| folder.join(file)).collect()).collect();
+    for file in files.iter().flatten() {
+        expect_file(file, &format!("an EXR image: {} names it in a [[frame]]", path.display()))?;
+    }
+    let masks = masks.into_iter().map(|mask| mask.map(MaskFile::Picture)).collect();
     Ok(Incoming {
         layout: EXR,
         config: None,
         unit: table.unit.unwrap_or_else(|| UNKNOWN_UNIT.to_owned()),
         hours: frames.iter().map(|frame| *frame.hour.as_ref()).collect(),
         groups,
-        pages: pages(files, (0..pages_told).map(mask).collect(), table.layer.as_deref())?,
+        pages: pages(files, masks, table.layer.as_deref())?,
     })
 }
 

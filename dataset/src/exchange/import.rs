@@ -7,6 +7,7 @@ use super::kept::read_config;
 use super::raw::Raw;
 use crate::format::{Baked, Config, Group};
 use crate::host::files::{NewFolder, is_component};
+use crate::host::inputs::{expect_file, expect_folder};
 use crate::layout::{self, LIGHT_BYTES, Layout, Parts, Planned};
 use crate::observe::{Observer, count};
 use crate::store::MANIFEST;
@@ -63,6 +64,11 @@ pub fn import(origin: &Origin, out: &Path, console: &dyn Observer) -> Result<Con
 /// Finds the files of a layout.
 fn read_folder(layout: &dyn Layout, root: &Path) -> Result<Incoming> {
     let place = root.join(MANIFEST);
+    expect_folder(root, &format!("a folder in the layout {}", layout.name()))?;
+    expect_file(
+        &place,
+        &format!("the configuration of the layout {}, which says what files it has", layout.name()),
+    )?;
     let root = root.canonicalize().map_err(Error::io(root))?;
     let bytes = read_config(&inside(&root, Path::new(MANIFEST))?)?;
     // All folders of shares, or none.

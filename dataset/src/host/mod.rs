@@ -6,6 +6,7 @@
 pub mod system;
 pub mod signals;
 mod process;
+pub mod inputs;
 pub mod files;
 pub mod lock;
 

@@ -6,6 +6,7 @@ use super::parts::LAYERS;
 use super::{FORMAT, MANIFEST, MAX_TEXT_BYTES, Manifest, SUMS, Scene, VERSION, sums};
 use crate::format::FileRef;
 use crate::host::files::is_component;
+use crate::host::inputs::{expect_file, expect_folder};
 use crate::observe::{Meter, Observer};
 use crate::store::{self, parse_config};
 use crate::{Error, Result};
@@ -28,6 +29,9 @@ pub struct Verified {
     pub bytes: u64,
 }
 
+/// What is verified, for the message where it is not there.
+const RELEASE: &str = "a release, a folder with SHA256SUMS, as `dataset release` writes it, or a dataset, a folder with config.json";
+
 /// Verifies a release: that it has exactly the files of `SHA256SUMS`, with their checksums; that archives
 /// contain what `release.json` says, and all that each scene's own manifest names.
 ///
@@ -36,10 +40,14 @@ pub struct Verified {
 pub fn verify(folder: &Path, console: &dyn Observer) -> Result<Verified> {
     let mut verified = Verified::default();
     let place = folder.join(SUMS);
-    let listed = match text(&place).and_then(|bytes| {
+    let read = || {
+        expect_folder(folder, RELEASE)?;
+        expect_file(&place, RELEASE)?;
+        let bytes = text(&place)?;
         let text = str::from_utf8(&bytes).map_err(|error| Error::invalid(place.display(), error))?;
         sums::parse(&place, text)
-    }) {
+    };
+    let listed = match read() {
         Ok(listed) => listed,
         Err(fault) => return Ok(Verified { faults: vec![fault], ..verified }),
     };

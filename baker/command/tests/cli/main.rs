@@ -115,6 +115,33 @@ fn what_is_traced_again_for_a_target_continues_where_it_was_killed() {
 }
 
 #[test]
+fn inputs_that_are_missing_or_of_another_kind_are_named_with_what_was_expected() {
+    let dir = tempfile::tempdir().unwrap();
+    let (none, scene) = (dir.path().join("none"), fixture("court.toml"));
+    let (none, folder, scene) = (text(&none), text(dir.path()), text(&scene));
+    let drawn = |option, path| vec!["preview", scene, "--hour", "12", option, path];
+    for (arguments, path, expected) in [
+        (vec![none], none, "no such file; expected a scene"),
+        (vec![folder], folder, "is a folder; expected a scene file"),
+        (vec!["preview", none, "--hour", "12"], none, "no such file; expected a scene"),
+        (vec!["new", none], none, "no such file; expected a model"),
+        (
+            drawn("--bundle", none),
+            none,
+            "no such file; expected a bundle, a .ndgi file, as `compress <dataset>`",
+        ),
+        (drawn("--bundle", folder), folder, "is a folder; expected a bundle"),
+        (drawn("--dataset", none), none, "no finished dataset; expected one of the scene \"court\""),
+    ] {
+        let output = bake(&arguments);
+        let said = String::from_utf8_lossy(&output.stderr);
+        let expected = format!("error: {path}: {expected}");
+        assert!(output.status.code() == Some(1) && said.contains(&expected), "{arguments:?}: {said}");
+        assert!(!said.contains("os error"), "{said}");
+    }
+}
+
+#[test]
 fn what_a_killed_bake_left_does_not_change_another_one() {
     let dir = tempfile::tempdir().unwrap();
     let (fresh, left) = (dir.path().join("fresh"), dir.path().join("left"));

@@ -4,6 +4,7 @@ use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use commands::console::Console;
 use dataset::exchange::{Origin, export, import};
+use dataset::host::inputs::found;
 use dataset::layout::{LAYOUTS, Layout, named};
 use dataset::observe::count;
 use dataset::store::Dataset;
@@ -72,7 +73,12 @@ impl Import {
             (None, None) if self.from.extension().is_some_and(|e| e == "toml") => Ok(Origin::Table(from())),
             (None, None) => {
                 let names = LAYOUTS.iter().map(|layout| layout.name()).collect::<Vec<_>>().join(" or ");
-                let what = format!("expected --layout {names}, --pattern for EXR files, or a TOML file");
+                let what = match found(&self.from)? {
+                    Some(_) => format!("expected --layout {names}, --pattern for EXR files, or a TOML file"),
+                    None => format!(
+                        "no such file or folder; expected a folder, with --layout {names} or with --pattern, or a TOML file"
+                    ),
+                };
                 Err(Error::invalid(self.from.display(), what))
             }
         }

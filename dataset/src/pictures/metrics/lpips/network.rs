@@ -1,6 +1,7 @@
 //! The network, run by `rten`.
 
 use crate::format::TILE;
+use crate::host::inputs::expect_file;
 use crate::{Error, Result};
 use rten::{Model, NodeId, RunOptions, ThreadPool, Value};
 use std::fmt::{self, Debug, Display, Formatter};
@@ -21,6 +22,7 @@ pub(super) struct Network {
 
 impl Network {
     pub(super) fn load(path: &Path) -> Result<Self> {
+        expect_file(path, "the LPIPS network: an ONNX file written by export_lpips.py")?;
         let bytes = std::fs::read(path).map_err(Error::io(path))?;
         let model = Model::load(bytes).map_err(|e| {
             Error::invalid(path.display(), format!("{e}; expected an ONNX file written by export_lpips.py"))
