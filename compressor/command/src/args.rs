@@ -104,9 +104,9 @@ Examples:
   compress status dataset/city
   watch -n 10 compress status dataset/city
 
-With --json: bundle, working (whether any shard has reported), and then stage (reading, trials or training), done, tiles, psnr_db, seconds_left, of, and
-shards: a list of shard (number, of), recipe, stage, of_tiles, done, tiles, resumed, psnr_db, texels, seconds,
-process, instructions, program, error, at (seconds since 1970).";
+With --json: bundle, working (whether any shard has reported), fault (why the bundle cannot be read, or null), and, if working, stage
+(reading, trials or training), done, tiles, psnr_db, seconds_left, of, and shards: a list of shard (number, of), recipe, stage, of_tiles, done,
+tiles, resumed, psnr_db, texels, seconds, process, instructions, program, error, at (seconds since 1970).";
 
 const VIEW_EXAMPLES: &str = "\
 Examples:

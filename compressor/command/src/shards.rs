@@ -1,8 +1,11 @@
 //! `compress --shard` and `compress status`.
 
+use super::open;
 use commands::console::Console;
-use compressor::Result;
+use compressor::bundle::begins_like_one;
 use compressor::compress::{Options, Shard, Sharded, default_bundle, status as of_shards, train_shard};
+use compressor::{Error, Result, of_bundle, printable};
+use dataset::host::inputs::found;
 use dataset::observe::count;
 use dataset::store::Dataset;
 use serde_json::json;
@@ -53,10 +56,14 @@ pub(crate) fn status(root: &Path, out: Option<PathBuf>, console: &Console) -> Re
         None => default_bundle(&Dataset::open_manifest(root)?),
     };
     let status = of_shards(&bundle);
-    let line = match &status {
-        Some(status) => status.line(),
-        None if bundle.exists() => "no shard is running; the bundle exists".to_owned(),
-        None => "no shard has started; there is no bundle".to_owned(),
+    let is_there = found(&bundle)?.is_some();
+    // (While shards train, it is the one that they replace.)
+    let fault = if is_there && status.is_none() { fault_of(&bundle) } else { None };
+    let line = match (&status, &fault) {
+        (Some(status), _) => status.line(),
+        (None, Some(fault)) => format!("no shard is running; the bundle cannot be read: {fault}"),
+        (None, None) if is_there => "no shard is running; the bundle exists".to_owned(),
+        (None, None) => "no shard has started; there is no bundle".to_owned(),
     };
     console.print(format!("{}: {line}", bundle.display()));
     let mut object = json!(status);
@@ -64,5 +71,20 @@ pub(crate) fn status(root: &Path, out: Option<PathBuf>, console: &Console) -> Re
         object = json!({});
     }
     (object["bundle"], object["working"]) = (json!(bundle), json!(status.is_some()));
+    object["fault"] = json!(fault);
     console.result(&object)
+}
+
+/// Why what stands there is no whole bundle of this version, with what to do; without the path itself.
+fn fault_of(bundle: &Path) -> Option<String> {
+    let error = open(bundle).and_then(|opened| opened.verify().map_err(of_bundle)).err()?;
+    let how = match &error {
+        Error::Invalid { .. } if bundle.is_dir() => "",
+        Error::Invalid { .. } if begins_like_one(bundle) => "; run `compress` to make it again",
+        Error::Invalid { .. } => "; remove it, or give another name with --out",
+        _ => "",
+    };
+    let text = error.to_string();
+    let what = text.strip_prefix(&bundle.display().to_string()).unwrap_or(&text);
+    Some(printable(what.trim_start_matches([':', ',', ' '])) + how)
 }

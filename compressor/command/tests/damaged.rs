@@ -58,6 +58,53 @@ fn a_bundle_of_another_version_is_not_replaced_unless_forced() {
 }
 
 #[test]
+fn status_says_why_a_bundle_cannot_be_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("court.ndgi");
+    let status = || {
+        let run = |more: &[&str]| {
+            command(folder.path()).args(["status", ".", "--out", "court.ndgi"]).args(more).output().unwrap()
+        };
+        let (plain, json) = (run(&[]), run(&["--json"]));
+        assert!(plain.status.success() && json.status.success(), "{plain:?}");
+        let object: serde_json::Value = serde_json::from_slice(&json.stdout).unwrap();
+        (String::from_utf8(plain.stdout).unwrap(), object["fault"].clone())
+    };
+    let (line, fault) = status();
+    assert!(line.ends_with(": no shard has started; there is no bundle\n") && fault.is_null(), "{line}");
+    fs::copy(bundle(), &out).unwrap();
+    let (line, fault) = status();
+    assert!(line.ends_with(": no shard is running; the bundle exists\n") && fault.is_null(), "{line}");
+
+    let whole = fs::read(&out).unwrap();
+    let changed = |at: usize| {
+        let mut bytes = whole.clone();
+        bytes[at] ^= 1;
+        bytes
+    };
+    let tile = Bundle::open(&out).unwrap().index[0].ndgi.offset as usize;
+    for (bytes, expected) in [
+        (changed(8), "bundle version 5; this program reads version 4"),
+        (changed(tile), "the file is damaged; run `compress` to make it again"),
+        (whole[..whole.len() / 2].to_vec(), "cut short, or damaged; run `compress` to make it again"),
+        (
+            b"of somebody else, and longer than 32 bytes".to_vec(),
+            "remove it, or give another name with --out",
+        ),
+        (Vec::new(), "0 bytes; expected at least 32"),
+    ] {
+        fs::write(&out, bytes).unwrap();
+        let (line, fault) = status();
+        let said = line.split_once(": no shard is running; the bundle cannot be read: ").unwrap().1;
+        assert!(said.contains(expected) && !said.contains("court.ndgi"), "{line}");
+        assert_eq!(fault, said.trim_end());
+    }
+    fs::remove_file(&out).unwrap();
+    fs::create_dir(&out).unwrap();
+    assert!(status().0.contains("cannot be read: is a folder; expected a bundle"), "{}", status().0);
+}
+
+#[test]
 fn inputs_that_are_missing_or_of_another_kind_are_named_with_what_was_expected() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path().join("court");
