@@ -149,8 +149,8 @@ mod tests {
 
     #[test]
     fn colour_counts_above_the_floor_and_black_is_white() {
-        // Half of the texels are black (median 0): the floor is 1/300 of the brightest. The others: one in two
-        // is below it, and decoded as a colour; one is decoded as black.
+        // Half of the texels are black (median 0): the floor is 1/300 of the brightest. The others: one in
+        // two is below it, and decoded as a colour; one is decoded as black.
         let light = |i: usize| [[0.0; 3], [0.0; 3], [9.0; 3], [0.01; 3]][i % 4];
         let decoded = |i: usize| match i % 4 {
             3 => [0.01, 0.0, 0.0],

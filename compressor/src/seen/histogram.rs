@@ -63,8 +63,9 @@ impl Histogram {
         self.count
     }
 
-    /// The least value that at least this share (0 to 1) of all does not exceed, within 0.8 %; exact where all
-    /// are equal. Below 10⁻⁶ it is the least of all values, above 4096 the largest. `None` without values.
+    /// The least value that at least this share (0 to 1) of all does not exceed, within 0.8 %; exact where
+    /// all are equal. Below 10⁻⁶ it is the least of all values, above 4096 the largest. `None` without
+    /// values.
     pub fn quantile(&self, share: f64) -> Option<f64> {
         let wanted = ((share * self.count as f64).ceil() as u64).max(1);
         let mut below = 0;

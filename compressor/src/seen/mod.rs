@@ -5,16 +5,16 @@
 //!
 //! The **local light** of a texel is defined as in bakes, as far as the light alone tells it:
 //!
-//! - A *piece* is the connected valid texels (up, down, left, right) of one cell of 16×16 texels, counted from
-//!   the tile's first texel. (A bake takes the cell's texels on one chart; where charts touch, a piece has
-//!   texels of both.)
-//! - The *floor* is 1/30 of the median light of the tile's valid texels, light being the mean of red, green and
-//!   blue; where the median is 0, 1/300 of the brightest; and at least [`LEAST_LUX`], where the unit is known.
-//!   (A bake takes the median of the cells that are seen from the texel's.)
+//! - A *piece* is the connected valid texels (up, down, left, right) of one cell of 16×16 texels, counted
+//!   from the tile's first texel. (A bake takes the cell's texels on one chart; where charts touch, a piece
+//!   has texels of both.)
+//! - The *floor* is 1/30 of the median light of the tile's valid texels, light being the mean of red, green
+//!   and blue; where the median is 0, 1/300 of the brightest; and at least [`LEAST_LUX`], where the unit is
+//!   known. (A bake takes the median of the cells that are seen from the texel's.)
 //! - The local light is the mean light of the texel's piece, or the floor if that is more.
 //!
-//! It is that of the true light, never of the decoded: a decoder that makes all brighter gains nothing. A tile
-//! without true light has none, and no errors.
+//! It is that of the true light, never of the decoded: a decoder that makes all brighter gains nothing. A
+//! tile without true light has none, and no errors.
 //!
 //! `histogram`: counts by size; `pieces`: which texels belong together; `errors`: a tile's errors.
 

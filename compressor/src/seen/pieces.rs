@@ -126,8 +126,8 @@ mod tests {
 
     #[test]
     fn pieces_are_connected_and_end_with_their_cell() {
-        // Two cells side by side: the first is cut in two by a column that is not valid, the second has texels
-        // that touch by corners alone.
+        // Two cells side by side: the first is cut in two by a column that is not valid, the second has
+        // texels that touch by corners alone.
         let (width, height) = (32, 16);
         let is_valid = |x: usize, y: usize| match x {
             0..16 => x != 5,
