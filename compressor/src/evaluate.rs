@@ -18,8 +18,8 @@ mod frames;
 mod worst;
 mod reference;
 mod pictures;
-mod figures;
 mod table;
+mod figures;
 
 pub use between::Between;
 pub(crate) use figures::{clock, percent};
