@@ -1,4 +1,5 @@
-//! What is seen of a bundle's errors: right values are known, because the true light is made from the decoded.
+//! What is seen of a bundle's errors: right values are known, because the true light is made from the
+//! decoded.
 
 mod common;
 
@@ -41,7 +42,8 @@ impl Compressed {
         Compressed { decoder: Decoder::open(&outcome.bundle).unwrap(), folder }
     }
 
-    /// A dataset in this unit whose light is what the bundle decodes to, changed by `change` (x, hour, light).
+    /// A dataset in this unit whose light is what the bundle decodes to, changed by `change` (x, hour,
+    /// light).
     fn dataset(&self, name: &str, unit: &str, change: impl Fn(usize, f64, [f32; 3]) -> [f32; 3]) -> Dataset {
         let mut config = Dataset::open(&self.folder.path().join("isles")).unwrap().config;
         let root = self.folder.path().join(name);
