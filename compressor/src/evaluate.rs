@@ -14,11 +14,20 @@ mod seams;
 mod shadows;
 mod steps;
 mod between;
+mod frames;
+mod worst;
+mod reference;
+mod pictures;
 mod table;
+mod figures;
 
 pub use between::Between;
+pub(crate) use figures::{clock, percent};
+pub(crate) use pictures::with_texels;
+pub use pictures::{PictureFlip, SceneFlip};
 pub use quality::Quality;
 pub(crate) use quality::quality;
+pub use reference::{Against, Converged, expect_reference};
 pub use rgbe::{from_rgbe, to_rgbe};
 pub(crate) use sample::Strip;
 pub use sample::{Sample, SlowMetrics};
@@ -27,19 +36,18 @@ pub use steps::{Step, Steps};
 pub(crate) use strips::{decode, read, strips, valid};
 pub use table::COLUMNS;
 pub(crate) use table::{aligned, cell};
+pub use worst::{VISIBLE_LUX, WorstTile};
 
 use crate::decode::{Decoder, Lights};
 use crate::law::Law;
 use crate::mean::mean;
-use crate::{Error, Result, printable};
-use dataset::format::{Noise, TILE};
-use dataset::host::signals::stop_if_interrupted;
-use dataset::image::{Image, Mask};
-use dataset::observe::{Meter, Observer};
-use dataset::pictures::{Brightnesses, TileQuality, metrics};
+use crate::{Error, Result, printable, seen};
+use dataset::format::TILE;
+use dataset::image::Mask;
+use dataset::observe::Observer;
+use dataset::pictures::TileQuality;
 use dataset::store::Dataset;
-use seams::Seams;
-use std::ops::Range;
+use frames::{Compared, Found, Lightmaps, found};
 
 /// Side in texels of the large tiles, on which quality is also reported.
 pub const LARGE: usize = 2 * TILE;
@@ -71,6 +79,17 @@ pub struct Evaluation {
     pub sun_is_omitted: bool,
     /// Per frame: hour and quality.
     pub by_hour: Vec<(f64, Quality)>,
+    /// Per frame, its mean light, in the dataset's unit.
+    pub mean_light: Vec<f64>,
+    /// Index of the frame with the largest local error at 95 % of its texels; frames below [`VISIBLE_LUX`] on
+    /// average are not named. `None` if no frame has visible light.
+    pub worst_hour: Option<usize>,
+    /// The tile whose errors are seen most, of the same frames.
+    pub worst_tile: Option<WorstTile>,
+    /// Against a reference, if there is one.
+    pub converged: Option<Converged>,
+    /// ꟻLIP of pictures of the scene; `None` if it is not requested, or nothing can be shown.
+    pub scene_flip: Option<SceneFlip>,
     /// Over the frames that differ: nights with the same light groups on are one image, which `all` counts
     /// once per frame.
     pub distinct: Quality,
@@ -109,6 +128,8 @@ pub struct Evaluation {
 pub struct Measures<'a> {
     /// A bake of the same scene at other hours: the reference between the frames.
     pub withheld: Option<&'a Dataset>,
+    /// A converged bake of the same scene at the same hours, or more of them.
+    pub reference: Option<&'a Dataset>,
     /// Slow quality metrics.
     pub slow_metrics: SlowMetrics<'a>,
 }
@@ -116,8 +137,8 @@ pub struct Measures<'a> {
 /// Decodes every frame of `decoder`'s bundle and compares it with `dataset`.
 ///
 /// # Errors
-/// [`Error::Invalid`] where the bundle's pages or hours are not the dataset's, or either is damaged;
-/// [`Error::Io`]; [`Error::Interrupted`].
+/// [`Error::Invalid`] where the bundle's pages or hours are not the dataset's, where a withheld bake or a
+/// reference is of another scene, or any is damaged; [`Error::Io`]; [`Error::Interrupted`].
 pub fn evaluate(
     dataset: &Dataset,
     decoder: &Decoder,
@@ -125,49 +146,43 @@ pub fn evaluate(
     console: &dyn Observer,
 ) -> Result<Evaluation> {
     expect_match(dataset, decoder)?;
-    let noise = dataset.noise()?;
-    let masks = dataset.masks()?;
-    let strips = masks.iter().map(strips).collect();
-    let (law, lights) = (reference_law(decoder), Lights::All);
+    if let Some(reference) = measures.reference {
+        expect_reference(dataset, reference)?;
+    }
+    let hours = || dataset.config.frames.iter().map(|frame| frame.hour);
     let mut lightmaps = Lightmaps {
-        dataset,
-        law,
-        lights,
-        decoder,
+        truth: dataset,
+        law: reference_law(decoder),
+        frames: hours().enumerate().map(|(frame, hour)| (hour, frame)).collect(),
+        compared: Compared::Bundle(decoder, Lights::All),
         visible: visible(dataset),
-        noise,
-        masks,
-        strips,
+        noise: dataset.noise()?,
+        masks: dataset.masks()?,
         slow_metrics: measures.slow_metrics,
     };
     let found = found(&lightmaps, "evaluating", console)?;
-    let mut indirect = None;
+    let mut without_sun = None;
     if decoder.bundle().header.sun.is_some() {
-        (lightmaps.law, lightmaps.lights) = (Law::of(true), Lights::Baked);
+        (lightmaps.law, lightmaps.compared) = (Law::of(true), Compared::Bundle(decoder, Lights::Baked));
         (lightmaps.noise, lightmaps.slow_metrics) = (None, SlowMetrics::default());
-        let found = self::found(&lightmaps, "evaluating without the sun", console)?;
-        indirect = Some(Quality {
-            dark_relative_error: mean(found.dark.into_iter().flatten()),
-            ..quality(found.samples.iter())
-        });
+        without_sun = Some(self::found(&lightmaps, "evaluating without the sun", console)?.over(&|_| true));
     }
     let evaluation =
         found.into_evaluation(dataset, &reference_law(decoder), decoder, measures.withheld, console)?;
-    Ok(Evaluation { without_sun: indirect, ..evaluation })
+    let converged =
+        measures.reference.map(|reference| reference::converged(dataset, reference, decoder, console));
+    let scene_flip = measures.slow_metrics.flip.then(|| pictures::scene_flip(dataset, decoder, console));
+    Ok(Evaluation {
+        without_sun,
+        converged: converged.transpose()?,
+        scene_flip: scene_flip.transpose()?.flatten(),
+        ..evaluation
+    })
 }
 
-/// Darkest mean light that counts as visible, in lux: half a full moon's. With an unknown unit, any light
-/// counts.
-pub const VISIBLE_LUX: f64 = 0.1;
-
-/// The same in the unit of a dataset.
+/// [`VISIBLE_LUX`] in the unit of a dataset.
 fn visible(dataset: &Dataset) -> f64 {
-    let unit = &dataset.config.unit;
-    match () {
-        () if unit.contains("kilolux") => VISIBLE_LUX / 1000.0,
-        () if unit.contains("lux") => VISIBLE_LUX,
-        () => 0.0,
-    }
+    seen::lux(&dataset.config.unit).map_or(0.0, |lux| VISIBLE_LUX * lux)
 }
 
 /// The dataset's light that a bundle is compared with: all, or without the sun's direct light if the bundle
@@ -176,121 +191,7 @@ pub(crate) fn reference_law(decoder: &Decoder) -> Law {
     Law::of(crate::compress::sun_is_omitted(&decoder.bundle().header))
 }
 
-/// Compares all frames.
-fn found(lightmaps: &Lightmaps, what: &str, console: &dyn Observer) -> Result<Found> {
-    let frames = lightmaps.dataset.config.frames.len();
-    let progress = console.progress(what, (frames * lightmaps.masks.len()) as u64);
-    let mut found = Found::default();
-    for frame in 0..frames {
-        found.add_frame(lightmaps, frame, &progress)?;
-    }
-    Ok(found)
-}
-
-/// The inputs of a comparison, page by page in strips.
-struct Lightmaps<'a> {
-    dataset: &'a Dataset,
-    /// Which light of the dataset and of the bundle is compared.
-    law: Law,
-    lights: Lights,
-    decoder: &'a Decoder,
-    noise: Option<Noise>,
-    /// Frames of a lower mean are too dark to evaluate in their darkest texels.
-    visible: f64,
-    masks: Vec<Mask>,
-    /// Of each page, the rows of its strips.
-    strips: Vec<Vec<Range<usize>>>,
-    slow_metrics: SlowMetrics<'a>,
-}
-
-/// Results so far.
-#[derive(Default)]
-struct Found {
-    samples: Vec<Sample>,
-    large: Vec<TileQuality>,
-    seams: Seams,
-    /// Per frame, the relative error of its darkest texels.
-    dark: Vec<Option<f64>>,
-    decode_seconds: f64,
-}
-
 impl Found {
-    /// Adds all pages of a frame.
-    fn add_frame(&mut self, of: &Lightmaps, frame: usize, progress: &dyn Meter) -> Result<()> {
-        let first = self.samples.len();
-        let (mut sum, mut texels) = (0.0, 0);
-        let mut brightnesses = Brightnesses::default();
-        for page in 0..of.masks.len() {
-            let (page_sum, page_texels) = self.add_page(of, frame, page, &mut brightnesses)?;
-            sum += page_sum;
-            texels += page_texels;
-            progress.advance(1);
-        }
-        let set_mean = mean_of(sum, texels);
-        for sample in &mut self.samples[first..] {
-            sample.relative_error =
-                metrics::relative_error(sample.quality.mse(), sample.quality.mean, set_mean);
-        }
-        let is_seen = set_mean >= of.visible;
-        self.dark.push(if is_seen { brightnesses.dark_relative_error(set_mean) } else { None });
-        Ok(())
-    }
-
-    /// Adds a page of a frame; returns the sum of its valid texels' channels and their number.
-    fn add_page(
-        &mut self,
-        of: &Lightmaps,
-        frame: usize,
-        page: usize,
-        brightnesses: &mut Brightnesses,
-    ) -> Result<(f64, usize)> {
-        let (dataset, mask) = (of.dataset, &of.masks[page]);
-        let frames = &dataset.config.frames;
-        let mut references =
-            References { dataset, law: &of.law, frame, page, height: mask.height, last: None };
-        // The mean first: it is the unit of what follows.
-        let (mut sum, mut texels) = (0.0, 0);
-        for rows in &of.strips[page] {
-            stop_if_interrupted()?;
-            let of_strip = metrics::valid_sum(&references.read(rows)?.texels, valid(mask, rows));
-            sum += of_strip.0;
-            texels += of_strip.1;
-        }
-        let page_mean = mean_of(sum, texels);
-        for rows in &of.strips[page] {
-            stop_if_interrupted()?;
-            // With the row below, for the step across.
-            let more = rows.start..(rows.end + 1).min(mask.height);
-            let mut reference = references.take(rows)?;
-            let start = std::time::Instant::now();
-            let mut decoded = strips::decode(of.decoder, of.lights, page, frames[frame].hour, &more)?;
-            self.decode_seconds += start.elapsed().as_secs_f64();
-            let mut mask = strips::cut(mask, &more);
-            self.seams.add(&decoded, &reference, &mask, rows, page_mean);
-            for image in [&mut reference, &mut decoded] {
-                image.height = rows.len();
-                image.texels.truncate(rows.len() * image.width);
-            }
-            mask.height = rows.len();
-            mask.valid.truncate(rows.len() * mask.width);
-            let strip = Strip {
-                frame,
-                page,
-                row: rows.start,
-                decoded: &decoded,
-                reference: &reference,
-                mask: &mask,
-                page_mean,
-                noise: of.noise.as_ref().map(|noise| &noise.mse[frame][page][..]),
-                slow_metrics: of.slow_metrics,
-            };
-            self.large.extend(strip.qualities(LARGE));
-            self.samples.extend(strip.samples()?);
-            brightnesses.add(&decoded, &reference, &mask);
-        }
-        Ok((sum, texels))
-    }
-
     /// Computes the means, and adds the measurements between frames.
     fn into_evaluation(
         self,
@@ -301,11 +202,8 @@ impl Found {
         console: &dyn Observer,
     ) -> Result<Evaluation> {
         let (bundle, frames, pages) = (decoder.bundle(), &dataset.config.frames, &dataset.config.pages);
-        // The quality over some of the frames.
-        let over = |wanted: &dyn Fn(usize) -> bool| Quality {
-            dark_relative_error: mean((0..frames.len()).filter(|&k| wanted(k)).filter_map(|k| self.dark[k])),
-            ..quality(self.samples.iter().filter(|sample| wanted(sample.frame)))
-        };
+        let over = |wanted: &dyn Fn(usize) -> bool| self.over(wanted);
+        let against = Against::new(&self, frames.iter().map(|frame| frame.hour), visible(dataset));
         let over_large = |of: fn(&TileQuality) -> Option<f64>| mean(self.large.iter().filter_map(of));
         let texels: u64 = pages.iter().map(|page| u64::from(page.width) * u64::from(page.height)).sum();
         let files = |k: usize| frames[k].maps.iter().map(|map| &map.blake3).collect::<Vec<_>>();
@@ -321,8 +219,12 @@ impl Found {
             without_sun: None,
             sun_is_omitted: crate::compress::sun_is_omitted(&decoder.bundle().header),
             sunny: sunny.then(|| over(&is_sunny)),
-            all: over(&|_| true),
-            by_hour: frames.iter().enumerate().map(|(k, frame)| (frame.hour, over(&|of| of == k))).collect(),
+            all: against.all,
+            by_hour: against.by_hour,
+            worst_hour: against.worst_hour,
+            worst_tile: against.worst_tile,
+            converged: None,
+            scene_flip: None,
             distinct: over(&|k| firsts.binary_search(&k).is_ok()),
             distinct_frames: firsts.len(),
             large: Large {
@@ -342,41 +244,9 @@ impl Found {
             shadows: shadows::shadows(dataset, decoder, console)?,
             between: between::between(dataset, withheld, decoder, console)?,
             decode_seconds: self.decode_seconds,
+            mean_light: self.means,
             samples: self.samples,
         })
-    }
-}
-
-/// The mean over the channels of this many texels; 0 of none.
-fn mean_of(sum: f64, texels: usize) -> f64 {
-    if texels == 0 { 0.0 } else { sum / (3 * texels) as f64 }
-}
-
-/// One page of one frame by strips, each with the row below it where there is one. The last one read is
-/// cached: a page of one strip is read once.
-struct References<'a> {
-    dataset: &'a Dataset,
-    law: &'a Law,
-    frame: usize,
-    page: usize,
-    height: usize,
-    last: Option<(usize, Image)>,
-}
-
-impl References<'_> {
-    fn read(&mut self, rows: &Range<usize>) -> Result<&Image> {
-        let last = self.take(rows)?;
-        Ok(&self.last.insert((rows.start, last)).1)
-    }
-
-    fn take(&mut self, rows: &Range<usize>) -> Result<Image> {
-        match self.last.take() {
-            Some((first, image)) if first == rows.start => Ok(image),
-            _ => {
-                let more = rows.start..(rows.end + 1).min(self.height);
-                strips::read(self.dataset, self.law, self.frame, self.page, &more)
-            }
-        }
     }
 }
 

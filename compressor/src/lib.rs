@@ -3,7 +3,7 @@
 //!
 //! Modules are listed in the order of the data flow; a module imports only those above it. The decoder is a
 //! separate crate, [`ndgi`], whose modules are re-exported here. Of the modules below, `evaluate` needs only
-//! `law` and `mean`.
+//! `law`, `mean` and `seen`.
 
 #![warn(unreachable_pub)]
 // (Folders tell what is in them, which others need not see.)
@@ -14,6 +14,7 @@ pub use ndgi::{bc7, bundle, decode, grid, lanes, model, sun, time};
 mod printable;
 mod clock;
 mod mean;
+pub mod seen;
 pub mod law;
 pub mod tile;
 pub mod sunlight;

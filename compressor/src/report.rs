@@ -1,8 +1,11 @@
-//! Report sections: summary (`lead`), training curves, quality table, pictures, omissions.
+//! Report sections: summary (`lead`), what is seen (`seen`), training curves, quality table, pictures,
+//! omissions.
 
 mod lead;
+mod seen;
 
 pub use lead::lead;
+pub use seen::seen;
 
 use crate::Result;
 use crate::compress::{Outcome, TileOutcome};

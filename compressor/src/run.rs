@@ -59,6 +59,7 @@ pub fn compress_and_judge(root: &Path, options: &Options, observer: &dyn Observe
     let sections = vec![
         // Without a picture of the scene, the pages' pictures are not folded.
         if shows_scene { pictures.folded() } else { pictures },
+        report::seen(&dataset, &decoder, &evaluation)?.folded(),
         report::quality(&evaluation, &remarks).folded(),
         report::training(&outcome).folded(),
         report::omitted(&outcome, evaluation.sun_is_omitted).folded(),
@@ -159,6 +160,11 @@ mod tests {
             sun_is_omitted: false,
             all,
             by_hour: vec![],
+            mean_light: vec![],
+            worst_hour: None,
+            worst_tile: None,
+            converged: None,
+            scene_flip: None,
             distinct: all,
             distinct_frames: 0,
             bpp: 0.5,

@@ -46,6 +46,15 @@ Keys of the --json object (null where not available):
   noise_ceiling_db       the bake's own sampling error as a PSNR, mean
   one_minus_ssim         1 - mean structural similarity (11x11 Gaussian, sigma 1.5); one_minus_ssim_uniform: with a 7x7 box window
   psnr_256_db, psnr_range_256_db, one_minus_ssim_256   on tiles of 256x256 texels instead of 128x128
+  local_error_median, local_error_p95, local_error_p99   local error of half, 95 %, 99 % of the texels: RMS over the channels / the mean light
+                         of the texel's 16x16 cell, or / its tile's floor if that is more: 1/30 of the median light (black tiles do not count)
+  chroma_error_...       the part of these errors that is not grey, likewise; colour_distance_...: distance in u'v' (CIE 1976), of texels above
+                         the floor
+  worst_hour             the hour of the largest local_error_p95, of hours with a mean of at least 0.1 lux
+  worst_tile             of these hours, the tile of the largest local_error_p95: hour, page, x0, y0, x1, y1, local_error_p95
+  scene_flip             mean LDR-FLIP of the report's picture of the scene, exposed for each hour (evaluate with --flip)
+  reference              with --reference: bundle and dataset, each compared with it: psnr_db, psnr_pooled_db, psnr_worst_percent_db, local_error_...,
+                         chroma_error_..., colour_distance_..., worst_hour, worst_tile, hours (evaluate only)
   lpips, flip            mean LPIPS (with --lpips) and HDR-FLIP (with --flip)
   relative_error         mean of RMSE / mean
   dark_relative_error    the same over the darkest quarter of each frame's texels, mean over frames whose mean is at least 0.1 lux
@@ -65,7 +74,8 @@ Keys of the --json object (null where not available):
   step_error             between consecutive frames, RMS error of the change of light / RMS of the change; switch_error: across switches
                          (changes below 0.001 of the light are ignored)
   hours                  a list of hour, psnr_db, psnr_range_db, psnr_pooled_db, psnr_worst_percent_db, noise_ceiling_db, psnr_log_db,
-                         one_minus_ssim, relative_error, dark_relative_error
+                         one_minus_ssim, relative_error, dark_relative_error, local_error_..., chroma_error_..., colour_distance_..., mean_light (in
+                         the dataset's unit), scene_flip, scene_flip_p95, scene_flip_p99
   steps                  a list of from, to (hours), switch, error
   tiles, seconds         tiles of the bundle, wall-clock seconds of the command
   bundle, report         paths written (compress only)
@@ -164,7 +174,7 @@ pub(crate) enum Command {
     },
     /// Compare a bundle with its dataset: a table by hour, and optionally every tile as CSV.
     #[command(
-        after_help = "Example: compress evaluate dataset/yard --csv quality.csv\nKeys of --json: compress --help"
+        after_help = "Examples:\n  compress evaluate dataset/yard --csv quality.csv\n  compress evaluate dataset/yard --reference dataset/yard-final --flip\nKeys of --json: compress --help"
     )]
     Evaluate {
         /// The dataset's folder.
@@ -176,6 +186,10 @@ pub(crate) enum Command {
         /// interpolation of the frames.
         #[arg(long, value_name = "DATASET")]
         withheld: Option<PathBuf>,
+        /// A converged bake of the same scene, layout and hours (or more hours): also compare the bundle and
+        /// the dataset with it. How far the dataset is from it is the dataset's own noise.
+        #[arg(long, value_name = "DATASET")]
+        reference: Option<PathBuf>,
         #[command(flatten)]
         slow_metrics: SlowMetricsArgs,
         /// Write one line per (tile, frame) to this file.
@@ -266,7 +280,9 @@ pub(crate) struct SlowMetricsArgs {
     #[arg(long, value_name = "FILE")]
     pub lpips: Option<PathBuf>,
     /// Also measure HDR-ꟻLIP, the error seen when flipping between two images at any exposure (about 0.05 s
-    /// per tile and frame).
+    /// per tile and frame). `compress evaluate` also measures ꟻLIP of a picture of the scene at each hour,
+    /// exposed as an eye adapts: the log-average luminance becomes middle grey, or less where the 95th
+    /// percentile would be above white.
     #[arg(long)]
     pub flip: bool,
 }

@@ -40,8 +40,8 @@ fn main() -> ExitCode {
             };
             decode(bundle, hour, out, page, lights, &console)
         }
-        Some(Command::Evaluate { dataset, bundle, withheld, slow_metrics, csv }) => {
-            judge(dataset, bundle, withheld, slow_metrics, csv, &console)
+        Some(Command::Evaluate { dataset, bundle, withheld, reference, slow_metrics, csv }) => {
+            judge(dataset, bundle, [withheld, reference], slow_metrics, csv, &console)
         }
         Some(Command::Sweep(args)) => run_sweep(args, &console),
         Some(Command::Compare(args)) => run_compare(args, &console),
@@ -128,7 +128,7 @@ fn compress(args: Compress, console: &Console) -> Result<()> {
 fn judge(
     root: PathBuf,
     bundle: Option<PathBuf>,
-    withheld: Option<PathBuf>,
+    others: [Option<PathBuf>; 2],
     slow_metrics: SlowMetricsArgs,
     csv: Option<PathBuf>,
     console: &Console,
@@ -145,10 +145,12 @@ fn judge(
     } else if !matches {
         console.warn("the bundle was compressed from a different bake; run `compress` again");
     }
-    let withheld = withheld.map(|root| Dataset::open(&root)).transpose()?;
+    let open_dataset = |root: Option<PathBuf>| root.map(|root| Dataset::open(&root)).transpose();
+    let [withheld, reference] = others;
+    let (withheld, reference) = (open_dataset(withheld)?, open_dataset(reference)?);
     let lpips = slow_metrics.lpips.map(|path| Lpips::load(&path)).transpose()?;
     let slow_metrics = SlowMetrics { lpips: lpips.as_ref(), flip: slow_metrics.flip };
-    let measures = Measures { withheld: withheld.as_ref(), slow_metrics };
+    let measures = Measures { withheld: withheld.as_ref(), reference: reference.as_ref(), slow_metrics };
     let evaluation = evaluate(&dataset, &decoder, measures, console)?;
     if withheld.is_some() && evaluation.between.is_none() {
         console.warn("--withheld: none of its hours lies between frames that the bundle interpolates, so nothing was evaluated there; give a bake at other hours");

@@ -118,7 +118,7 @@ fn every_page_comes_back_as_itself() {
     let empty: usize =
         judged.outcome.omitted.iter().filter(|(why, _)| why == "no valid texel").map(|(_, n)| n).sum();
     assert_eq!((judged.outcome.tiles, empty), (12, 5), "{:?}", judged.outcome.omitted);
-    assert_eq!(judged.sections.len(), 4);
+    assert_eq!(judged.sections.len(), 5);
 
     // Every valid texel of a page is near its own light, and far from that of the other page.
     let decoder = Decoder::open(&judged.outcome.bundle).unwrap();

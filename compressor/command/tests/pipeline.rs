@@ -67,7 +67,7 @@ fn a_dataset_comes_back_from_its_bundle() {
         fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
     assert_eq!(names, ["config.json", "data", "isles.ndgi", "isles.ndgi.run.json"]);
-    assert_eq!(judged.sections.len(), 4);
+    assert_eq!(judged.sections.len(), 5);
 
     let decoder = Decoder::open(&outcome.bundle).unwrap();
     // The lamp: on at 18.05 exactly as at 18.1, off at 18.0, on until 6.

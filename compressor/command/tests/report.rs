@@ -38,8 +38,8 @@ fn floor() -> Vec<u8> {
     [head, json, word(binary.len()).to_vec(), b"BIN\0".to_vec(), binary].concat()
 }
 
-/// A page of light with this geometry file, compressed: the report.
-fn report(geometry: Option<&[u8]>) -> String {
+/// A page of light with this geometry file, compressed.
+fn compressed(geometry: Option<&[u8]>) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     // (Where a map is not valid, the bundle may hold anything, and the floor would show it.)
     Scene { valid: |_, _| true, ..islands() }.write(folder.path());
@@ -49,15 +49,21 @@ fn report(geometry: Option<&[u8]>) -> String {
         config.geometry = Some(writer.add("scene", "glb", glb).unwrap());
         writer.commit(&config).unwrap();
     }
-    compress(folder.path());
-    std::fs::read_to_string(folder.path().join("isles.html")).unwrap()
+    run(folder.path(), &[".", "--iterations", "600", "--quiet"]);
+    folder
 }
 
-fn compress(folder: &Path) {
-    let arguments = [".", "--iterations", "600", "--quiet"];
+/// The report of that.
+fn report(geometry: Option<&[u8]>) -> String {
+    std::fs::read_to_string(compressed(geometry).path().join("isles.html")).unwrap()
+}
+
+/// What the command prints.
+fn run(folder: &Path, arguments: &[&str]) -> String {
     let output =
         Command::new(env!("CARGO_BIN_EXE_compress")).args(arguments).current_dir(folder).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
 }
 
 /// The pictures in a part of a report.
@@ -95,8 +101,8 @@ fn the_scene_comes_first_then_a_summary_then_tables_folded() {
     assert_eq!(titles, ["How good", "How large, how long", "What next"]);
     assert!(summary.contains("PSNR ") && summary.contains("bits per texel and frame"), "{summary}");
     // Everything else is behind its heading.
-    assert_eq!(rest.matches("<section").count(), 5);
-    assert_eq!(rest.matches("<details>").count(), 5);
+    assert_eq!(rest.matches("<section").count(), 6);
+    assert_eq!(rest.matches("<details>").count(), 6);
     assert!(rest.find("<details>").unwrap() < rest.find("<table>").unwrap());
 }
 
@@ -119,4 +125,47 @@ fn a_damaged_geometry_file_costs_its_picture_alone() {
         "{lead}"
     );
     assert!(lead.contains("<dt>How good</dt>") && html.contains("<h2>Decoded and reference</h2>"));
+}
+
+#[test]
+fn the_summary_begins_with_what_is_seen_and_the_worst_tile_has_its_pictures() {
+    let html = report(Some(&floor()));
+    let (_, summary) = html.split_once("<dt>How good</dt><dd>").unwrap();
+    assert!(summary.starts_with("At ") && summary.contains(" one texel in twenty is off by "), "{summary}");
+    let (_, seen) = html.split_once("<h2>What is seen</h2>").unwrap();
+    let (seen, _) = seen.split_once("</details>").unwrap();
+    assert!(seen.contains("The worst tile") && seen.contains("Δu′v′") && seen.contains("<svg"));
+    // Dataset, bundle and difference, of a tile of 128 × 128 texels and two pixels each.
+    let pictures = pictures(seen);
+    assert_eq!(pictures.iter().map(|picture| picture.dimensions()).collect::<Vec<_>>(), [(256, 256); 3]);
+    let mean = |picture: &image::RgbImage| {
+        picture.as_raw().iter().map(|&code| f64::from(code)).sum::<f64>() / picture.as_raw().len() as f64
+    };
+    assert!((mean(&pictures[0]) - mean(&pictures[1])).abs() < 10.0);
+    assert!(mean(&pictures[2]) < mean(&pictures[0]));
+}
+
+#[test]
+fn pictures_of_the_scene_are_compared_at_each_hour() {
+    let folder = compressed(Some(&floor()));
+    let evaluate = |more: &[&str]| -> serde_json::Value {
+        let text = run(folder.path(), &[&["evaluate", ".", "--json", "--quiet"], more].concat());
+        serde_json::from_str(&text).unwrap()
+    };
+    let with = evaluate(&["--flip"]);
+    let hours = with["hours"].as_array().unwrap();
+    let mut sum = 0.0;
+    for hour in hours {
+        let [mean, p95, p99] =
+            ["scene_flip", "scene_flip_p95", "scene_flip_p99"].map(|key| hour[key].as_f64().unwrap());
+        assert!(0.0 < mean && mean < p95 && p95 <= p99 && p99 < 0.5, "{hour}");
+        sum += mean;
+    }
+    assert!((with["scene_flip"].as_f64().unwrap() - sum / hours.len() as f64).abs() < 1e-12);
+    let without = evaluate(&[]);
+    assert!(without["scene_flip"].is_null() && without["hours"][0]["scene_flip"].is_null());
+    // Against itself as the reference the dataset is exact.
+    let reference = evaluate(&["--reference", "."]);
+    assert_eq!(reference["reference"]["dataset"]["local_error_p99"], 0.0);
+    assert_eq!(reference["reference"]["bundle"]["local_error_p95"], without["local_error_p95"]);
 }

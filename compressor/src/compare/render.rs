@@ -20,7 +20,7 @@ use super::table::{Comparison, Row, Shown as ShownTiles};
 use super::tiles::{Texels, TileSet};
 use crate::compress::default_bundle;
 use crate::decode::{Decoder, Lights};
-use crate::evaluate::expect_match;
+use crate::evaluate::{expect_match, with_texels};
 use crate::{Error, Result, of_bundle};
 use dataset::host::signals::stop_if_interrupted;
 use dataset::image::{Image, Mask};
@@ -242,12 +242,6 @@ fn lit(view: &View, dataset: &Dataset, images: &[Image]) -> Result<Light> {
         let texels = image.texels[rows.start * image.width..rows.end * image.width].to_vec();
         Ok(Image { width: image.width, height: rows.len(), texels })
     })
-}
-
-/// The pixels of which most show texels: others are alike in all pictures, or no method's.
-fn with_texels(view: &View) -> Mask {
-    let [width, height] = view.size();
-    Mask { width, height, valid: view.with_texels().iter().map(|share| *share > 0.5).collect() }
 }
 
 /// The dataset's bundle, where there is one of this light.

@@ -142,7 +142,7 @@ fn points(
 }
 
 /// An error unless both are of one scene, in one unit, with pages of the same sizes.
-fn check_kind(dataset: &Dataset, withheld: &Dataset) -> Result<()> {
+pub(super) fn check_kind(dataset: &Dataset, withheld: &Dataset) -> Result<()> {
     let kind = |dataset: &Dataset| {
         let pages = dataset.config.pages.iter().map(|page| format!("{} × {}", page.width, page.height));
         let (scene, unit) = (&dataset.config.scene, &dataset.config.unit);

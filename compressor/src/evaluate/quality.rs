@@ -2,6 +2,7 @@
 
 use super::sample::Sample;
 use crate::mean::mean;
+use crate::seen::Figures;
 use dataset::pictures::metrics;
 
 /// Means over samples, for all frames or for one.
@@ -33,6 +34,8 @@ pub struct Quality {
     pub relative_error: Option<f64>,
     /// Relative error over the darkest quarter of the valid texels of a frame; the mean over frames.
     pub dark_relative_error: Option<f64>,
+    /// What is seen of the errors of all texels but those of black samples.
+    pub seen: Figures,
     /// Samples behind the means above.
     pub samples: usize,
     /// Samples constant in space, not among them.
@@ -45,7 +48,8 @@ pub struct Quality {
     pub black_largest_error: f64,
 }
 
-/// The means over samples; without the error in the dark, which is a frame's.
+/// The means over samples; without the error in the dark, which is a frame's, and without what is seen, which
+/// is the texels'.
 pub(crate) fn quality<'a>(samples: impl Iterator<Item = &'a Sample>) -> Quality {
     let (black, lit): (Vec<&Sample>, Vec<&Sample>) =
         samples.partition(|sample| sample.quality.psnr_db.is_none());
@@ -75,6 +79,7 @@ pub(crate) fn quality<'a>(samples: impl Iterator<Item = &'a Sample>) -> Quality 
         flip: over(&|s| s.flip),
         relative_error: over(&|s| Some(s.relative_error)),
         dark_relative_error: None,
+        seen: Figures::default(),
         samples: judged.len(),
         constant: constant.len(),
         constant_relative_error: mean(constant.iter().map(|sample| sample.relative_error)),
@@ -114,6 +119,7 @@ mod tests {
             lpips: psnr.map(|db| db / 100.0),
             flip: psnr.map(|db| db / 200.0),
             largest: 2.0 * mse.sqrt() as f32,
+            seen: Figures::default(),
         }
     }
 

@@ -2,6 +2,7 @@
 
 use super::rgbe::{from_rgbe, to_rgbe};
 use crate::Result;
+use crate::seen::{Errors, Figures, Pieces};
 use dataset::format::tiles::{Rect, TILE, tiles};
 use dataset::image::{Image, Mask};
 use dataset::pictures::{Lpips, TileQuality, metrics};
@@ -32,6 +33,8 @@ pub struct Sample {
     pub flip: Option<f64>,
     /// Largest decoded value of a valid texel.
     pub largest: f32,
+    /// What is seen of its errors; nothing of a black tile.
+    pub seen: Figures,
 }
 
 /// Slow perceptual metrics, measured on request.
@@ -63,18 +66,37 @@ pub(crate) struct Strip<'a> {
 }
 
 impl Strip<'_> {
-    /// Its tiles that have a valid texel, row by row; their [`Sample::relative_error`], which takes the
-    /// frame's mean, is 0.
-    pub(crate) fn samples(&self) -> Result<Vec<Sample>> {
+    /// Its tiles that have a valid texel, row by row, whose errors are added to `errors`; their
+    /// [`Sample::relative_error`], which takes the frame's mean, is 0. `least_floor` is the least floor of
+    /// local light.
+    pub(super) fn samples(&self, least_floor: f64, errors: &mut Errors) -> Result<Vec<Sample>> {
         let rects = tiles(self.mask.width, self.mask.height, TILE);
         let before = self.row / TILE * self.mask.width.div_ceil(TILE);
         let noise = |i: usize| self.noise.map(|tiles| tiles[before + i]);
-        let judged = rects.par_iter().enumerate().map(|(i, &rect)| self.sample(rect, noise(i)));
-        let judged = judged.collect::<Result<Vec<_>>>()?;
-        Ok(judged.into_iter().filter(|sample| sample.quality.texels > 0).collect())
+        let judge = |(i, &rect): (usize, &Rect)| {
+            let sample = self.sample(rect, noise(i))?;
+            Ok((sample.quality.texels > 0).then(|| (sample, self.errors(rect, least_floor))))
+        };
+        let judged = rects.par_iter().enumerate().map(judge).collect::<Result<Vec<_>>>()?;
+        let add = |(sample, of_tile): (Sample, Errors)| {
+            errors.merge(&of_tile);
+            Sample { seen: of_tile.figures(), ..sample }
+        };
+        Ok(judged.into_iter().flatten().map(add).collect())
     }
 
-    /// One of its tiles, likewise; `noise` is its sampling error.
+    /// What is seen of the errors of one of its tiles.
+    fn errors(&self, rect: Rect, least_floor: f64) -> Errors {
+        let texels = || rect.texels(self.mask.width);
+        let valid: Vec<bool> = texels().map(|i| self.mask.valid[i]).collect();
+        let [light, decoded] =
+            [self.reference, self.decoded].map(|image| texels().map(|i| image.texels[i]).collect::<Vec<_>>());
+        let mut errors = Errors::default();
+        errors.add(&Pieces::new(rect.width(), &valid), &light, &decoded, least_floor);
+        errors
+    }
+
+    /// One of its tiles, likewise, without what is seen of its errors; `noise` is its sampling error.
     pub(crate) fn sample(&self, rect: Rect, noise: Option<f64>) -> Result<Sample> {
         let Strip { decoded, reference, mask, .. } = self;
         let quality = metrics::compare(decoded, reference, mask, rect);
@@ -95,6 +117,7 @@ impl Strip<'_> {
                 .then(|| metrics::flip(decoded, reference, mask, rect, &quality))
                 .flatten(),
             largest: rect.valid(mask).flat_map(|i| decoded.texels[i]).fold(0.0, f32::max),
+            seen: Figures::default(),
         })
     }
 

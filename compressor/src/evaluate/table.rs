@@ -1,6 +1,7 @@
 //! An evaluation as table, CSV and JSON.
 
 use super::{Between, Evaluation, Quality, Sample, Shadows, VISIBLE_LUX};
+use crate::seen::Figures;
 use serde_json::{Value, json};
 use std::fmt::Write;
 
@@ -70,9 +71,9 @@ impl Evaluation {
         rows
     }
 
-    /// The quality table and its remarks, line by line.
+    /// The tables of quality and of what is seen, and their remarks, line by line.
     pub fn lines(&self) -> Vec<String> {
-        self.table().into_iter().chain(self.remarks()).collect()
+        self.table().into_iter().chain(self.seen_lines()).chain(self.remarks()).collect()
     }
 
     /// The quality table as lines of text.
@@ -80,18 +81,20 @@ impl Evaluation {
         aligned(&COLUMNS, &self.rows())
     }
 
-    /// Remarks on what the table does not show, in sentences.
+    /// What is seen at the worst hour, and remarks on what the table does not show, in sentences.
     pub fn remarks(&self) -> Vec<String> {
         let q = &self.all;
         let [of_valid, of_distinct] = self.bits_of_valid;
-        let mut remarks = vec![format!(
+        let mut remarks = vec![self.seen_sentence()];
+        remarks.extend(self.worst_tile_sentence());
+        remarks.push(format!(
             "{:.3} bits per texel and frame; {of_valid:.3} per valid texel and frame, {of_distinct:.3} where equal frames count once; {} bytes, {:.0} per \
              tile; {} (tile, frame) pairs evaluated",
             self.bpp,
             self.bytes,
             self.bytes as f64 / self.tiles.max(1) as f64,
             q.samples
-        )];
+        ));
         let figures = |q: &Quality| {
             let [mean, pooled, worst] =
                 [q.psnr_db, q.psnr_pooled_db, q.psnr_worst_percent_db].map(|db| cell(db, 2));
@@ -215,6 +218,13 @@ impl Evaluation {
         if let Some(flip) = self.all.flip {
             remarks.push(format!("mean HDR-ꟻLIP {flip:.4}"));
         }
+        if let Some(flip) = &self.scene_flip {
+            remarks.push(format!(
+                "ꟻLIP of pictures of the scene, exposed as an eye adapts to each hour, from the camera “{}”: mean {}",
+                flip.camera,
+                cell(flip.mean(), 4)
+            ));
+        }
         if let Some(ratio) = self.seam_ratio {
             remarks.push(format!(
                 "the error of differences between neighbouring texels is {ratio:.3} times as large across tile borders as inside tiles"
@@ -226,7 +236,7 @@ impl Evaluation {
     /// Every (tile, frame) that has a valid texel, black ones too, as comma-separated values.
     pub fn csv(&self) -> String {
         let mut out = String::from(
-            "hour,page,x0,y0,x1,y1,valid_texels,peak,range,mean,constant,mse,psnr_db,psnr_range_db,ssim,ssim_uniform,psnr_8bit_db,noise_ceiling_db,psnr_log_db,lpips,flip,relative_error\n",
+            "hour,page,x0,y0,x1,y1,valid_texels,peak,range,mean,constant,mse,psnr_db,psnr_range_db,ssim,ssim_uniform,psnr_8bit_db,noise_ceiling_db,psnr_log_db,lpips,flip,relative_error,local_error_median,local_error_p95,local_error_p99,chroma_error_median,chroma_error_p95,chroma_error_p99,colour_distance_median,colour_distance_p95,colour_distance_p99\n",
         );
         for s in &self.samples {
             let (q, r) = (&s.quality, &s.rect);
@@ -246,7 +256,10 @@ impl Evaluation {
             ]
             .map(number)
             .join(",");
-            let _ = writeln!(out, "{place},{plain},{rest},{}", s.relative_error);
+            let Figures { local, chroma, colour } = s.seen;
+            let seen = [local, chroma, colour]
+                .map(|of| [of.map(|q| q.median), of.map(|q| q.p95), of.map(|q| q.p99)].map(number).join(","));
+            let _ = writeln!(out, "{place},{plain},{rest},{},{}", s.relative_error, seen.join(","));
         }
         out
     }
@@ -315,6 +328,7 @@ impl Evaluation {
         object["sun_between_pooled_db"] = of_shadows(|shadows| shadows.pooled_db);
         object["sun_between_mean_db"] = of_shadows(|shadows| shadows.mean_db);
         object["sun_between_worst_db"] = of_shadows(|shadows| shadows.worst_db);
+        self.add_seen_json(&mut object);
         object
     }
 }

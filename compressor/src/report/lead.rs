@@ -102,7 +102,10 @@ fn how_good(evaluation: &Evaluation) -> String {
     let ceiling = all
         .noise_ceiling_db
         .map_or(String::new(), |db| format!("; the bake's sampling error, as a PSNR, is {db:.1} dB"));
-    format!("PSNR {mean} dB on average over tiles and frames, {worst} dB in the worst 1 %{ceiling}.")
+    format!(
+        "{}. PSNR {mean} dB on average over tiles and frames, {worst} dB in the worst 1 %{ceiling}.",
+        evaluation.seen_sentence()
+    )
 }
 
 fn how_large(dataset: &Dataset, outcome: &Outcome, evaluation: &Evaluation) -> String {

@@ -15,8 +15,12 @@ pub struct PictureQuality {
     pub psnr_db: f64,
     /// Of the sRGB codes: 11×11 Gaussian, σ 1.5, range 255, mean over channels.
     pub ssim: f64,
-    /// ꟻLIP, 0 to 1, at 67 pixels per degree.
+    /// ꟻLIP, 0 to 1, at 67 pixels per degree: mean over pixels.
     pub flip: f64,
+    /// ꟻLIP that 95 % of the pixels do not exceed.
+    pub flip_p95: f64,
+    /// ꟻLIP that 99 % of the pixels do not exceed.
+    pub flip_p99: f64,
 }
 
 /// Compares two pictures of sRGB codes, red, green and blue of each pixel row by row. Pixels off `evaluated`
@@ -39,10 +43,16 @@ pub fn compare_pictures(found: &[u8], reference: &[u8], judged: &Mask) -> Option
     });
     let errors = flip::of_pictures(&shown[0], &shown[1], [judged.width, judged.height]);
     let errors = errors.into_iter().zip(&judged.valid).filter(|(_, valid)| **valid);
+    let mut errors: Vec<f64> = errors.map(|(error, _)| f64::from(error)).collect();
+    let flip = errors.iter().sum::<f64>() / pixels as f64;
+    errors.sort_unstable_by(f64::total_cmp);
+    let at = |percent: usize| errors[(percent * pixels).div_ceil(100) - 1];
     Some(PictureQuality {
         psnr_db: psnr_db(WHITE, squared / (3 * pixels) as f64),
         ssim: ssim::masked(ssim::gaussian(), &found, &reference, judged, all, WHITE),
-        flip: errors.map(|(error, _)| f64::from(error)).sum::<f64>() / pixels as f64,
+        flip,
+        flip_p95: at(95),
+        flip_p99: at(99),
     })
 }
 
@@ -66,12 +76,20 @@ mod tests {
         let reference: Vec<u8> = (0..3 * width * height).map(|i| (i * 37 % 200) as u8).collect();
         let judged = Mask { width, height, valid: (0..width * height).map(|i| i % width < 12).collect() };
         let exact = compare_pictures(&reference, &reference, &judged).unwrap();
-        assert_eq!(exact, PictureQuality { psnr_db: 100.0, ssim: 1.0, flip: 0.0 });
+        assert_eq!(
+            exact,
+            PictureQuality { psnr_db: 100.0, ssim: 1.0, flip: 0.0, flip_p95: 0.0, flip_p99: 0.0 }
+        );
         // Ten codes more everywhere: 20 log₁₀(255/10).
         let brighter: Vec<u8> = reference.iter().map(|code| code + 10).collect();
         let found = compare_pictures(&brighter, &reference, &judged).unwrap();
         assert!((found.psnr_db - 28.131).abs() < 1e-3, "{found:?}");
         assert!((0.9..1.0).contains(&found.ssim) && (0.01..0.3).contains(&found.flip), "{found:?}");
+        // One column in twelve is changed most: it is above 95 % of the pixels.
+        let mut column = brighter.clone();
+        (0..height).for_each(|y| column[3 * y * width] ^= 255);
+        let odd = compare_pictures(&column, &reference, &judged).unwrap();
+        assert!(found.flip_p95 <= found.flip_p99 && odd.flip < odd.flip_p95 && odd.flip_p95 <= odd.flip_p99);
         // Off the evaluated pixels nothing counts.
         let mut elsewhere = reference.clone();
         (0..height).for_each(|y| elsewhere[3 * (y * width + 20)] ^= 255);
