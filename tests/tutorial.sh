@@ -27,7 +27,7 @@ if [ -z "${NDGI_THREE:-}" ] || [ -z "${NDGI_CHROMIUM:-}" ]; then
     exit
 fi
 mkdir page
-cp day/house.ndgi day/scene.glb "$root"/compressor/view/{bundle,tile,sun}.js "$root/compressor/ndgi/src/sun/words.bin" page
+cp day/house.ndgi day/scene.glb "$root"/compressor/view/{bundle,tile,planes,sun}.js "$root/compressor/ndgi/src/sun/words.bin" page
 block compressor/INTEGRATION.md js >page/lightmaps.js
 # (three.js from this machine, not from the network.)
 block TUTORIAL.md html | sed 's#https://unpkg.com/three@[0-9.]*#./three#g' >page/index.html

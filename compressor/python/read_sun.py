@@ -7,6 +7,7 @@ def check(holds, what):
     if not holds:
         raise ValueError(what)
 def varint(data, at):
+    check(at < len(data) and (data[at] < 128 or at + 1 < len(data)), 'tables of the sun end too early')
     return (data[at], at + 1) if data[at] < 128 else (data[at] & 127 | data[at + 1] << 7, at + 2)
 
 @cache
@@ -70,6 +71,7 @@ class Sun:
             n, at = varint(data, at)
             for _ in range(n):
                 gap, at = varint(data, at)
+                check(symbol + gap < 259, 'symbols of the sun')
                 frequencies[symbol + gap], at = varint(data, at)
                 symbol += gap + 1
             patterns.append(self.steps(frequencies, 10))

@@ -10,7 +10,6 @@ mod method;
 mod testing;
 mod judge;
 mod table;
-mod linear;
 mod ndgi;
 mod keyframes;
 mod svd;

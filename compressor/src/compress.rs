@@ -10,6 +10,7 @@ mod note;
 mod part;
 mod shard;
 mod stats;
+mod steps;
 mod allocate;
 mod pace;
 mod tiles;

@@ -81,6 +81,8 @@ impl Shares {
 pub struct Law {
     /// True if the sun's direct light is a separate stream.
     pub is_apart: bool,
+    /// True if light groups are apart too.
+    pub are_lamps_apart: bool,
     /// Indices of layers with a curve, and it.
     curves: Vec<(usize, Curve)>,
 }
@@ -95,7 +97,17 @@ impl Law {
                 curves.push((i, Curve::read(&dataset.verified(file)?)?));
             }
         }
-        Ok(Law { is_apart, curves })
+        Ok(Law { is_apart, are_lamps_apart: false, curves })
+    }
+
+    /// The same without the light of light groups, which [`can_part_lamps`] must allow.
+    pub fn without_lamps(self) -> Self {
+        Law { are_lamps_apart: true, ..self }
+    }
+
+    /// True if maps hold sums of layers, not frames.
+    fn sums_layers(&self) -> bool {
+        self.is_apart || self.are_lamps_apart
     }
 
     /// True if a layer is interpolated by a curve, so that tiles need means between frames.
@@ -106,7 +118,7 @@ impl Law {
     /// The layers that decide maps, their means or their gates.
     pub fn layers<'a>(&'a self, config: &'a Config) -> impl Iterator<Item = &'a Layer> {
         let is_read = |i: usize, layer: &Layer| {
-            self.is_apart || layer.light == Light::Group || self.curves.iter().any(|(of, _)| *of == i)
+            self.sums_layers() || layer.light == Light::Group || self.curves.iter().any(|(of, _)| *of == i)
         };
         config.layers.iter().enumerate().filter(move |(i, layer)| is_read(*i, layer)).map(|(_, layer)| layer)
     }
@@ -114,11 +126,11 @@ impl Law {
     /// The files whose sum the maps hold of a page at a frame: frames of the same files are the same.
     pub fn files<'a>(&self, dataset: &'a Dataset, frame: usize, page: usize) -> Vec<&'a str> {
         let config = &dataset.config;
-        if !self.is_apart {
+        if !self.sums_layers() {
             return vec![&config.frames[frame].maps[page].path];
         }
-        let daylight = daylight(config).filter_map(|(_, layer)| layer.file(frame, page));
-        let local = config.files_of_local(frame, page).into_iter().flatten();
+        let daylight = self.daylight(config).filter_map(|(_, layer)| layer.file(frame, page));
+        let local = self.local(config, frame, page).into_iter();
         daylight.chain(local).map(|file| file.path.as_str()).collect()
     }
 
@@ -136,10 +148,10 @@ impl Law {
         let of_curve =
             |(layer, _): &(usize, Curve)| config.layers[*layer].file(frame, page).map(&read).transpose();
         let layers = self.curves.iter().map(of_curve).collect::<Result<Vec<_>>>()?;
-        if !self.is_apart {
+        if !self.sums_layers() {
             return Ok((dataset.map_rows(frame, page, y0, y1)?, layers));
         }
-        if config.layers.is_empty() || config.layers.iter().any(Layer::is_whole_sun) {
+        if config.layers.is_empty() || self.is_apart && config.layers.iter().any(Layer::is_whole_sun) {
             let what = "has no separate layers of the sun's direct light, so the light without it is unknown";
             return Err(Error::unsupported(dataset.root.display(), what));
         }
@@ -148,14 +160,14 @@ impl Law {
         let mut add = |texels: &[[f32; 3]]| {
             sum.iter_mut().flatten().zip(texels.as_flattened()).for_each(|(sum, texel)| *sum += texel);
         };
-        for (i, layer) in daylight(config) {
+        for (i, layer) in self.daylight(config) {
             match self.curves.iter().position(|(of, _)| *of == i) {
                 Some(at) => layers[at].iter().for_each(|texels| add(texels)),
                 None => layer.file(frame, page).map(&read).transpose()?.iter().for_each(|texels| add(texels)),
             }
         }
         // The light of lamps is the same in many frames.
-        for file in config.files_of_local(frame, page).into_iter().flatten() {
+        for file in self.local(config, frame, page) {
             if !kept.contains_key(file.path.as_str()) {
                 kept.insert(&file.path, read(file)?);
             }
@@ -166,7 +178,24 @@ impl Law {
 
     /// All light of a dataset but the sun's direct light, if `is_apart`; without curves.
     pub fn of(is_apart: bool) -> Self {
-        Law { is_apart, curves: Vec::new() }
+        Law { is_apart, are_lamps_apart: false, curves: Vec::new() }
+    }
+
+    /// The layers of the sun's and the sky's light that maps hold, with their indices.
+    fn daylight<'a>(&self, config: &'a Config) -> impl Iterator<Item = (usize, &'a Layer)> {
+        let is_apart = self.is_apart;
+        let is_daylight = move |layer: &Layer| {
+            matches!(layer.light, Light::Sun | Light::Sky) && !(is_apart && layer.is_direct_sun())
+        };
+        config.layers.iter().enumerate().filter(move |(_, layer)| is_daylight(layer))
+    }
+
+    /// The files of the light groups that maps hold at a frame.
+    fn local<'a>(&self, config: &'a Config, frame: usize, page: usize) -> Vec<&'a FileRef> {
+        match self.are_lamps_apart {
+            true => Vec::new(),
+            false => config.files_of_local(frame, page).into_iter().flatten().collect(),
+        }
     }
 
     /// How far an hour is from one frame to another; and by curve and channel, by what the light of each is
@@ -357,13 +386,6 @@ impl Sums {
 /// Rows of files that several frames name.
 pub type LayerRows<'a> = BTreeMap<&'a str, Vec<[f32; 3]>>;
 
-/// The layers of the sun's and the sky's light with their indices, but for the sun's direct light.
-fn daylight(config: &Config) -> impl Iterator<Item = (usize, &Layer)> {
-    let is_daylight =
-        |layer: &Layer| matches!(layer.light, Light::Sun | Light::Sky) && !layer.is_direct_sun();
-    config.layers.iter().enumerate().filter(move |(_, layer)| is_daylight(layer))
-}
-
 /// True if a dataset has the sun's direct light at any time: as a separate layer, with visibility.
 pub fn is_sun_apart(config: &Config) -> bool {
     config.visibility.is_some() && config.sun_path.is_some() && config.layers.iter().any(Layer::is_direct_sun)
@@ -372,4 +394,15 @@ pub fn is_sun_apart(config: &Config) -> bool {
 /// True if a dataset has the sun's direct light as a separate layer, so it can be omitted.
 pub fn can_omit_sun(config: &Config) -> bool {
     config.layers.iter().any(Layer::is_direct_sun) && !config.layers.iter().any(Layer::is_whole_sun)
+}
+
+/// True if a dataset keeps the light of each light group as a layer, so that its maps can leave lamps out.
+pub fn can_part_lamps(config: &Config, is_sun_apart: bool) -> bool {
+    let is_lit = |group: usize| config.frames.iter().any(|frame| frame.groups_on[group]);
+    let has_layer = |group: usize| config.layers_of(Light::Group, Some(group as u32)).next().is_some();
+    // (An imported dataset may have all its lamps as one layer that changes.)
+    config.layers.iter().any(|layer| layer.light == Light::Group)
+        && config.layers_of(Light::Lamps, None).next().is_none()
+        && !(is_sun_apart && config.layers.iter().any(Layer::is_whole_sun))
+        && (0..config.groups.len()).all(|group| !is_lit(group) || has_layer(group))
 }

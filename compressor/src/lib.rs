@@ -9,16 +9,18 @@
 // (Folders tell what is in them, which others need not see.)
 #![allow(rustdoc::private_intra_doc_links)]
 
-pub use ndgi::{bc7, bundle, decode, grid, lanes, model, sun, time};
+pub use ndgi::{bc7, bundle, decode, grid, lanes, model, planes, sun, time};
 
 mod printable;
 mod clock;
 mod mean;
+mod linear;
 pub mod seen;
 pub mod law;
 pub mod tile;
 pub mod sunlight;
 pub mod train;
+pub mod basis;
 pub mod compress;
 pub mod evaluate;
 pub mod report;

@@ -139,6 +139,10 @@ pub struct Band {
     /// Light groups that are on at some frames and off at others, with their own light where the dataset
     /// keeps it.
     groups: Vec<(Gate, Option<Vec<[f32; 3]>>)>,
+    /// Light groups whose light maps do not hold, with it.
+    lamps: Vec<(Gate, Vec<[f32; 3]>)>,
+    /// Where [`Band::lamps`] are apart, all light of the frames, the sun's direct light with it.
+    whole: Vec<Arc<Vec<[f32; 3]>>>,
     /// See [`Band::digest`].
     digest: OnceLock<String>,
 }
@@ -205,10 +209,30 @@ impl Band {
             frames.push(read.entry(files).or_insert(Arc::new(light.0)).clone());
         }
         let hours = dataset.config.frames.iter().map(|frame| frame.hour).collect();
-        let mut groups = Vec::new();
+        let (mut groups, mut lamps, mut whole) = (Vec::new(), Vec::new(), Vec::new());
         let config = &dataset.config;
+        if law.are_lamps_apart {
+            let mut read: BTreeMap<&str, Arc<Vec<[f32; 3]>>> = BTreeMap::new();
+            for (k, frame) in config.frames.iter().enumerate() {
+                let file = frame.maps[page].path.as_str();
+                if !read.contains_key(file) {
+                    read.insert(file, Arc::new(dataset.map_rows(k, page, rows.start, rows.end)?));
+                }
+                whole.push(read[file].clone());
+            }
+        }
         for i in 0..config.groups.len() {
             let on: Vec<bool> = config.frames.iter().map(|frame| frame.groups_on[i]).collect();
+            if law.are_lamps_apart {
+                if let Ok(group) = u16::try_from(i)
+                    && on.contains(&true)
+                {
+                    let files = config.files_of(Light::Group, Some(i as u32), 0, page);
+                    let layer = dataset.sum_rows(&files, page, rows.start, rows.end)?;
+                    lamps.push((Gate { group, on }, layer));
+                }
+                continue;
+            }
             // The format counts this many groups as gates.
             if let Ok(group_index) = u16::try_from(i)
                 && on.contains(&true)
@@ -230,6 +254,8 @@ impl Band {
             rows,
             frames,
             groups,
+            lamps,
+            whole,
             shares,
             digest: OnceLock::new(),
         })
@@ -253,6 +279,10 @@ impl Band {
                 hasher.update(&gate.group.to_le_bytes());
                 layer.iter().for_each(|texels| _ = hasher.update(bytemuck::cast_slice(texels)));
             }
+            for (gate, layer) in &self.lamps {
+                hasher.update(&gate.group.to_le_bytes());
+                hasher.update(bytemuck::cast_slice(layer));
+            }
             hasher.update(format!("{:?}", self.shares).as_bytes());
             hasher.finalize().to_hex()[..32].to_owned()
         })
@@ -262,6 +292,28 @@ impl Band {
     /// curve.
     pub(crate) fn shares(&self, column: usize) -> &[Shares] {
         &self.shares[column]
+    }
+
+    /// The light of the groups that are apart on one tile: of each, when it is on, and its light.
+    pub fn lamps(&self, column: usize) -> Vec<(Gate, Vec<[f32; 3]>)> {
+        let from = self.stored(column);
+        let cut = |texels: &Vec<[f32; 3]>| from.iter().map(|&i| texels[i]).collect();
+        self.lamps.iter().map(|(gate, texels)| (gate.clone(), cut(texels))).collect()
+    }
+
+    /// Per frame, the largest value of all its light on the valid texels of a tile; nothing unless lamps are
+    /// apart.
+    pub fn peaks(&self, column: usize) -> Vec<f32> {
+        let from = self.stored(column);
+        let valid: Vec<usize> = from.into_iter().filter(|&i| self.coverage[i] == Coverage::Valid).collect();
+        let peak = |texels: &Arc<Vec<[f32; 3]>>| valid.iter().flat_map(|&i| texels[i]).fold(0.0, f32::max);
+        self.whole.iter().map(peak).collect()
+    }
+
+    fn stored(&self, column: usize) -> Vec<usize> {
+        let (width, height) = self.grid.stored(column, self.row);
+        let (left, top) = Place { page: self.page, column, row: self.row }.origin();
+        stored(self.grid, &self.rows, [left, top], [width, height])
     }
 
     /// Cuts out one tile. Past the page's edge texels are mirrored; filler past the border is never read, so
@@ -355,6 +407,8 @@ mod tests {
             hours: vec![12.0],
             frames: vec![Arc::new(texels.collect())],
             coverage: coverage(mask, rows.clone()),
+            lamps: Vec::new(),
+            whole: Vec::new(),
             groups: vec![],
             shares: vec![],
             digest: OnceLock::new(),

@@ -33,9 +33,10 @@ const REPORT: &str = "report.html";
 
 const SHELL: &str = include_str!("../view/shell.html");
 const STYLE: &str = include_str!("../view/style.css");
-const SCRIPTS: [&str; 6] = [
+const SCRIPTS: [&str; 7] = [
     include_str!("../view/bundle.js"),
     include_str!("../view/tile.js"),
+    include_str!("../view/planes.js"),
     include_str!("../view/sun.js"),
     include_str!("../view/gpu.js"),
     include_str!("../view/scene.js"),

@@ -124,7 +124,7 @@ fn the_sun_goes_through_the_bundle_and_back() {
         for hour in [6.05, 7.7, 12.0, 16.3, 18.05, 19.2, 23.0] {
             let (output, npy) = read(&python, &out, &[&format!("--hour={hour}")]);
             assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-            let error = difference(&decoder, hour, &image(&npy));
+            let error = difference(&decoder, 0, hour, &image(&npy));
             assert!(error <= 2e-4, "{glass} at {hour} h: {error}");
         }
     }

@@ -3,25 +3,56 @@
 'use strict';
 
 const BC7 = 0x8e8c;
-// Textures of features may take this many bytes: grey blocks that are left out count.
+// Textures of maps may take this many bytes: grey blocks that are left out count.
 const MOST_BYTES = 2 ** 30;
 
 const COVER = `#version 300 es
 void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4. - 1., 0, 1); }`;
 
-// The decoder for hidden layers of h: its weights are uniforms for 16, where they fit, else a texture.
-function decodeShader(h) {
+// The decoder of a tile's light: of its maps, then of the sun.
+function decodeShader(maps) {
+  return `#version 300 es
+precision highp float; precision highp int; precision highp sampler2DArray; precision highp isampler2D; precision highp isampler2DArray; precision highp usampler2DArray;
+uniform isampler2D normals; uniform usampler2DArray seen;
+uniform ivec2 origin; uniform bool lit, sunny; uniform float scale, most, seenShare; uniform vec3 sun, direction;
+out vec4 color;
+${maps}
+void main() {
+  ivec2 p = ivec2(gl_FragCoord.xy) - origin; vec3 light = vec3(0);
+  if (lit) light = maps(p);
+  if (sunny) {
+    int channels = textureSize(seen, 0).z; vec3 share; 
+    for (int c = 0; c < 3; c++) { vec2 v = vec2(texelFetch(seen, ivec3(p, min(c, channels - 1)), 0).xy); share[c] = mix(v.x, v.y, seenShare) / ${SEEN}.; }
+    light += share * max(dot(vec3(texelFetch(normals, p, 0).xyz) / 32767., direction), 0.) * sun;
+  }
+  color = vec4(min(light * scale, most), 1);
+}`;
+}
+
+// Planes: per light source a row of its mean and the number of planes (−1 less that if it is linear), then the factors of each and its layer.
+const OF_PLANES = `
+uniform isampler2DArray values; uniform sampler2D factors; uniform int sources;
+vec3 maps(ivec2 p) {
+  vec3 light = vec3(0);
+  for (int s = 0; s < sources; s++) {
+    vec4 mean = texelFetch(factors, ivec2(0, s), 0), sum = vec4(0); int count = int(mean.a < 0. ? -1. - mean.a : mean.a);
+    for (int k = 0; k < count; k++) { vec4 of = texelFetch(factors, ivec2(1 + k, s), 0); sum += of * float(texelFetch(values, ivec3(p, int(of.a)), 0).x); }
+    vec3 y = clamp(sum.rgb, 0., 65504.);
+    light += mean.rgb * (mean.a < 0. ? y : y * y);
+  }
+  return light;
+}`;
+
+// The network for hidden layers of h: its weights are uniforms for 16, where they fit, else a texture.
+function network(h) {
   const q = h / 4, w2 = 3 * h, b2 = w2 + h * q, w3 = b2 + q, b3 = w3 + 3 * q;
   const net = h === 16 ? ['uniform vec4 weights[' + (b3 + 1) + '];', i => `weights[${i}]`]
     : ['uniform sampler2D weights; vec4 weight(int i) { return texelFetch(weights, ivec2(i & 63, i >> 6), 0); }', i => `weight(${i})`];
-  return `#version 300 es
-precision highp float; precision highp int; precision highp sampler2DArray; precision highp isampler2D; precision highp usampler2DArray;
-uniform sampler2D uv, ut, vt; uniform sampler2DArray uvt; uniform isampler2D normals; uniform usampler2DArray seen;
+  return `
+uniform sampler2D uv, ut, vt; uniform sampler2DArray uvt;
 ${net[0]}
 uniform vec4 bias[${q}];
-uniform ivec2 origin, size, uvtSize, slices, rows; uniform vec2 planes, shares;
-uniform bool lit, sunny; uniform float scale, most, seenShare; uniform vec3 mean, sun, direction;
-out vec4 color;
+uniform ivec2 size, uvtSize, slices, rows; uniform vec2 planes, shares; uniform vec3 mean;
 vec4 gelu(vec4 x) { vec4 z = clamp(x, -2.25, 2.25); return x * (.5 + z * (1. / 3. - 16. / 729. * z * z)); }
 float place(int i, int side, float n) { return clamp((float(i) + .5) / float(side) * n - .5, 0., n - 1.); }
 vec2 plane(sampler2D map, int i, int side, float n) {
@@ -40,16 +71,6 @@ vec3 maps(ivec2 p) {
 ${layers(h, net[1])}
   y = clamp(y, 0., 65504.);
   return mean * (y * y);
-}
-void main() {
-  ivec2 p = ivec2(gl_FragCoord.xy) - origin; vec3 light = vec3(0);
-  if (lit) light = maps(p);
-  if (sunny) {
-    int channels = textureSize(seen, 0).z; vec3 share; 
-    for (int c = 0; c < 3; c++) { vec2 v = vec2(texelFetch(seen, ivec3(p, min(c, channels - 1)), 0).xy); share[c] = mix(v.x, v.y, seenShare) / ${SEEN}.; }
-    light += share * max(dot(vec3(texelFetch(normals, p, 0).xyz) / 32767., direction), 0.) * sun;
-  }
-  color = vec4(min(light * scale, most), 1);
 }`;
 }
 
@@ -130,8 +151,14 @@ class Decoder {
     };
     this.vertices = gl.createVertexArray();
     let bytes = 0;
-    for (const tile of bundle.tiles) if (tile.features) bytes += blocksOf(tile.has, tile).reduce((a, b) => a + b) * (this.bptc ? 16 : 64);
-    if (bytes > MOST_BYTES) refuse(`features of ${bytes} bytes; this page holds ${MOST_BYTES} at most`);
+    const layers = gl.getParameter(gl.MAX_ARRAY_TEXTURE_LAYERS);
+    for (const tile of bundle.tiles) {
+      if (tile.features) bytes += blocksOf(tile.has, tile).reduce((a, b) => a + b) * (this.bptc ? 16 : 64);
+      if (!tile.planes) continue;
+      bytes += 2 * tile.width * tile.height * tile.planes.word;
+      if (tile.planes.word > layers) refuse(`${tile.planes.word} planes of a tile; this browser's textures have ${layers} layers`);
+    }
+    if (bytes > MOST_BYTES) refuse(`maps of ${bytes} bytes; this page holds ${MOST_BYTES} at most`);
   }
 
   texture(target, format, width, height, layers) {
@@ -186,6 +213,13 @@ class Decoder {
         gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, 64, rows, gl.RGBA, gl.FLOAT, padded);
       }
     }
+    if (tile.planes) {
+      const sources = planesOf(this.bundle, tile), planes = sources.flatMap(source => source.values);
+      own.values = this.texture(gl.TEXTURE_2D_ARRAY, gl.R16I, tile.width, tile.height, Math.max(planes.length, 1));
+      planes.forEach((values, k) => gl.texSubImage3D(gl.TEXTURE_2D_ARRAY, 0, 0, 0, k, tile.width, tile.height, 1, gl.RED_INTEGER, gl.SHORT, values));
+      own.factors = this.texture(gl.TEXTURE_2D, gl.RGBA32F, 1 + MOST_PLANES, Math.max(sources.length, 1));
+      forgetPlanes(tile);
+    }
     if (tile.levels) {
       const sun = readTileSun(this.bundle, tile);
       if (sun.normals) {
@@ -211,37 +245,57 @@ class Decoder {
     });
   }
 
+  // For hidden layers of this width, or 0 for planes.
   program(hidden) {
     if (!this.programs.has(hidden)) {
-      const { gl } = this, made = compile(gl, COVER, decodeShader(hidden));
+      const { gl } = this, made = compile(gl, COVER, decodeShader(hidden ? network(hidden) : OF_PLANES));
       gl.useProgram(made.program);
-      ['uv', 'ut', 'vt', 'uvt', 'normals', 'seen'].forEach((name, unit) => gl.uniform1i(made.at[name], unit));
+      const units = { ...hidden ? { uv: 0, ut: 1, vt: 2, uvt: 3 } : { factors: 0, values: 3 }, normals: 4, seen: 5 };
+      for (const [name, unit] of Object.entries(units)) gl.uniform1i(made.at[name], unit);
       if (hidden > 16) gl.uniform1i(made.at.weights, 6);
       this.programs.set(hidden, made);
     }
     return this.programs.get(hidden);
   }
 
+  // Means and factors of what is lit, as the shader reads them.
+  uploadFactors(own, folded) {
+    const { gl } = this, width = 1 + MOST_PLANES, data = new Float32Array(4 * width * folded.length);
+    folded.forEach(({ source, mean, factors }, row) => {
+      const put = (x, rgb, more) => data.set([...rgb, more], 4 * (width * row + x));
+      put(0, mean, source.linear ? -1 - source.count : source.count);
+      for (let k = 0; k < source.count; k++) put(1 + k, factors.map(of => of[k]), source.layer + k);
+    });
+    gl.activeTexture(gl.TEXTURE0);
+    gl.bindTexture(gl.TEXTURE_2D, own.factors);
+    if (folded.length) gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, width, folded.length, gl.RGBA, gl.FLOAT, data);
+  }
+
   // Draws a tile where the viewport is; texel (x, y) of the viewport's texture is stored texel (x, y) − origin.
   draw(tile, moment, sun, origin, scale) {
-    const { gl, bundle } = this, own = this.resident(tile), read = tile.read, has = read?.has, { program, at } = this.program(has?.hidden ?? 16);
+    const { gl, bundle } = this, own = this.resident(tile), read = tile.read, has = read?.has, { program, at } = this.program(has?.hidden ?? (tile.planes ? 0 : 16));
     if (sun) this.uploadSeen(tile, sun);
     gl.useProgram(program);
     gl.bindVertexArray(this.vertices);
     const bind = (unit, target, texture) => { gl.activeTexture(gl.TEXTURE0 + unit); gl.bindTexture(target, texture); };
-    bind(0, gl.TEXTURE_2D, own.uv ?? this.none.flat);
+    bind(0, gl.TEXTURE_2D, own.factors ?? own.uv ?? this.none.flat);
     bind(1, gl.TEXTURE_2D, own.ut ?? this.none.flat);
     bind(2, gl.TEXTURE_2D, own.vt ?? this.none.flat);
-    bind(3, gl.TEXTURE_2D_ARRAY, own.uvt ?? this.none.deep);
+    bind(3, gl.TEXTURE_2D_ARRAY, own.values ?? own.uvt ?? this.none.deep);
     bind(4, gl.TEXTURE_2D, own.normals ?? this.none.normals);
     bind(5, gl.TEXTURE_2D_ARRAY, own.seen ?? this.none.seen);
-    gl.uniform1i(at.lit, read ? 1 : 0);
+    gl.uniform1i(at.lit, read || tile.planes ? 1 : 0);
     gl.uniform1i(at.sunny, sun ? 1 : 0);
     gl.uniform2iv(at.origin, origin);
     gl.uniform1f(at.scale, scale);
     gl.uniform1f(at.most, this.most);
-    gl.uniform2i(at.size, tile.width, tile.height);
+    if (tile.planes) {
+      const folded = foldPlanes(bundle, tile, moment);
+      this.uploadFactors(own, folded);
+      gl.uniform1i(at.sources, folded.length);
+    }
     if (read) {
+      gl.uniform2i(at.size, tile.width, tile.height);
       const folded = foldTile(bundle, tile, moment), { slices, rows } = folded;
       if (has.hidden > 16) bind(6, gl.TEXTURE_2D, own.net);
       else gl.uniform4fv(at.weights, own.weights);
@@ -269,7 +323,7 @@ class Decoder {
     gl.disable(gl.CULL_FACE);
     gl.disable(gl.BLEND);
     for (const tile of bundle.tiles) {
-      if (!tile.features && !tile.levels) continue;
+      if (!tile.features && !tile.planes && !tile.levels) continue;
       if (tile.features) featuresOf(bundle, tile);
       const sun = tile.levels && sunOf(bundle, tile, moment.t), key = this.keyOf(tile, moment, sun, scale), page = this.pages[tile.page];
       if (tile.shown === key) continue;
@@ -285,7 +339,12 @@ class Decoder {
 
   // Everything that a tile's light depends on.
   keyOf(tile, moment, sun, scale) {
-    const of = tile.features ? Object.values(foldTile(this.bundle, tile, moment)).slice(0, 3) : [];
+    let of = [];
+    if (tile.features) of = Object.values(foldTile(this.bundle, tile, moment)).slice(0, 3);
+    if (tile.planes) {
+      this.resident(tile);
+      of = foldPlanes(this.bundle, tile, moment).flatMap(({ source, mean, factors }) => [source.source, mean, ...factors]);
+    }
     return [scale, ...of.map(String), sun ? `${sun.key} ${sun.share} ${sun.direction} ${sun.irradiance}` : ''].join(' ');
   }
 
@@ -294,9 +353,7 @@ class Decoder {
     const { bundle } = this;
     let top = 0;
     for (const tile of bundle.tiles) {
-      const { means } = tile;
-      if (!means) continue;
-      for (let c = 0; c < 3; c++) top = Math.max(top, (1 - moment.g) * means[3 * moment.i + c] + moment.g * means[3 * moment.j + c]);
+      if (tile.means) top = Math.max(top, ...allMeansAt(bundle, tile, moment));
     }
     const sun = bundle.sun && sunAt(bundle.sun, moment.t);
     if (sun) top = Math.max(top, ...sun.irradiance);

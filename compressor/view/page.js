@@ -93,7 +93,7 @@ class Viewer {
     gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, columns, rows, gl.RGBA, gl.UNSIGNED_BYTE, data);
     return texture;
   }
-  bytesOfTile(tile) { return [tile.features, tile.levels, tile.shadows].reduce((sum, part) => sum + (part?.length ?? 0), 0); }
+  bytesOfTile(tile) { return [tile.features, tile.planes, tile.levels, tile.shadows].reduce((sum, part) => sum + (part?.length ?? 0), 0); }
   bitsOfTile(tile) { return 8 * this.bytesOfTile(tile) / (tile.ownWidth * tile.ownHeight * this.bundle.hours.length); }
 
   setCameras() {
@@ -132,11 +132,13 @@ class Viewer {
     $('game').hidden = !this.scene?.draws.length;
     this.at = 0;
     this.buildMarks();
-    const lit = bundle.tiles.filter(tile => tile.features || tile.levels).length, { length } = bundle.bytes;
+    const lit = bundle.tiles.filter(tile => tile.means || tile.levels).length, { length } = bundle.bytes;
     const texels = bundle.pages.reduce((sum, page) => sum + page.width * page.height, 0);
+    const planes = bundle.tiles.some(tile => tile.planes), by = this.decoder.bptc ? 'by the hardware' : location.hash.includes('unpack') ? 'in JavaScript, as the address asks' : 'in JavaScript, because this device lacks BC7';
+    const unpacked = planes ? 'planes are unpacked in JavaScript' : `BC7 blocks are unpacked ${by}`;
     const facts = [
       `${meta.title}: bundle version ${bundle.version}, ${length.toLocaleString('en')} bytes, ${bundle.hours.length} frames, ${bundle.pages.length} page(s), ${bundle.tiles.length} tiles of which ${lit} have light; ${(8 * length / texels / bundle.hours.length).toFixed(3)} bits per texel and frame.`,
-      `Decoded by the GPU in a fragment shader at the time shown; BC7 blocks are unpacked ${this.decoder.bptc ? 'by the hardware' : location.hash.includes('unpack') ? 'in JavaScript, as the address asks' : 'in JavaScript, because this device lacks BC7'}. \`compress view\` verified its checksums; this page does not.`,
+      `Decoded by the GPU in a fragment shader at the time shown; ${unpacked}. \`compress view\` verified its checksums; this page does not.`,
       this.scene ? `${Math.round(this.scene.triangles).toLocaleString('en')} triangles; ${Math.round(this.scene.unmapped).toLocaleString('en')} of them, and backs of surfaces, have no texels: they are lit by an ambient term, the 10th percentile of the tiles' means plus a sixth of the sun. “As game” (G) shows only what the bundle gives an engine: there they are unlit, black, and need texels or light of the engine, such as probes; backs show the texels of their front. No sky, gloss or visible emission.` : 'There is no scene.glb beside the bundle: only the atlas is shown.',
       meta.reference.note,
       bundle.sun ? "The sun's direct light is a separate stream: it moves between the frames." : "The sun's direct light is in the maps, or omitted.",
@@ -201,7 +203,7 @@ class Viewer {
   // The 10th percentile of all tiles' means, so that lamps do not count, plus a sixth of the sun.
   ambientAt(hour) {
     const { bundle } = this, moment = momentOf(bundle, hour);
-    const means = bundle.tiles.filter(tile => tile.means).map(({ means }) => [0, 1, 2].map(c => (1 - moment.g) * means[3 * moment.i + c] + moment.g * means[3 * moment.j + c]));
+    const means = bundle.tiles.filter(tile => tile.means).map(tile => meansAt(tile, moment));
     const low = means.sort((a, b) => luminance(a) - luminance(b))[Math.floor(means.length / 10)] ?? [0, 0, 0], sun = bundle.sun && sunAt(bundle.sun, moment.t);
     return low.map((x, c) => x + (sun ? sun.irradiance[c] * Math.max(sun.direction[1], 0) / 6 : 0));
   }
@@ -289,8 +291,8 @@ class Viewer {
   }
 
   meanOf(tile) {
-    const { i, j, g, t } = momentOf(this.bundle, this.state.hour), sun = this.bundle.sun && sunAt(this.bundle.sun, t);
-    return [0, 1, 2].map(c => (1 - g) * tile.means[3 * i + c] + g * tile.means[3 * j + c] + (sun ? sun.irradiance[c] / 4 : 0));
+    const moment = momentOf(this.bundle, this.state.hour), sun = this.bundle.sun && sunAt(this.bundle.sun, moment.t);
+    return allMeansAt(this.bundle, tile, moment).map((mean, c) => mean + (sun ? sun.irradiance[c] / 4 : 0));
   }
 
   drawn() { return { ...this.state, scale: this.decoder.scale, ambient: this.ambient, pages: this.pages }; }

@@ -153,14 +153,32 @@ function unpackBlock(blocks, from, out, to, stride) {
 
 // ---- A tile at a time ----
 
-// What of a tile at a moment depends on the time alone: τ, means, and b₁ with γ and gates folded in.
-function foldTile(bundle, tile, moment) {
-  const read = featuresOf(bundle, tile), { has, weights: [w1, b1] } = read, { a, b, i, j, g } = moment;
-  const mean = [0, 1, 2].map(c => (1 - g) * tile.means[3 * i + c] + g * tile.means[3 * j + c]);
+function meansAt(tile, { i, j, g }) { return [0, 1, 2].map(c => (1 - g) * tile.means[3 * i + c] + g * tile.means[3 * j + c]); }
+
+// The same with the light groups that are apart and on.
+function allMeansAt(bundle, tile, moment) {
+  const mean = meansAt(tile, moment);
+  let at = 0;
+  bundle.groups.forEach((group, g) => {
+    if (!group.apart) return;
+    if (isGroupOn(bundle, g, moment.t)) for (let c = 0; c < 3; c++) mean[c] += tile.lamps[at + c];
+    at += 3;
+  });
+  return mean;
+}
+
+// The second frame's share of the light.
+function shareOf(bundle, tile, { a, b, i, j, g }) {
   const sum = k => tile.means[3 * k] + tile.means[3 * k + 1] + tile.means[3 * k + 2];
   const first = bundle.knots[i] === bundle.hours[a] ? 0 : tile.shares[i], last = bundle.knots[j] === bundle.hours[b] ? 1 : tile.shares[j];
   const light = [(1 - g) * sum(i), g * sum(j)], all = light[0] + light[1];
-  const share = a === b ? 0 : all > 0 ? (light[0] * first + light[1] * last) / all : (1 - g) * first + g * last;
+  return a === b ? 0 : all > 0 ? (light[0] * first + light[1] * last) / all : (1 - g) * first + g * last;
+}
+
+// What of a tile at a moment depends on the time alone: τ, means, and b₁ with γ and gates folded in.
+function foldTile(bundle, tile, moment) {
+  const read = featuresOf(bundle, tile), { has, weights: [w1, b1] } = read, { a, b } = moment;
+  const mean = meansAt(tile, moment), share = shareOf(bundle, tile, moment);
   const tau = read.places[a] + share * mod(read.places[b] - read.places[a], 1);
   const features = has.inputs - 4 * has.gamma - has.gates, angle = 2 * Math.PI * tau;
   const inputs = has.gamma ? [Math.sin(angle), Math.cos(angle), Math.sin(2 * angle), Math.cos(2 * angle)] : [];
@@ -194,7 +212,10 @@ function texelsOf(tile) {
   read.uvtTexels ??= read.uvt && unpackBlocks(denseBlocks(read.uvt), has.uvtWidth, has.uvtHeight, has.slices);
   return read;
 }
-function forgetTexels(tile) { if (tile.read) tile.read.uvTexels = tile.read.uvtTexels = null; }
+function forgetTexels(tile) {
+  if (tile.read) tile.read.uvTexels = tile.read.uvtTexels = null;
+  forgetPlanes(tile);
+}
 
 // The light that maps hold of one stored texel, as folded.
 function texelOf(tile, folded, x, y) {
@@ -226,15 +247,22 @@ function texelOf(tile, folded, x, y) {
   return layer(w3, b3, h2, has.hidden).map((y, c) => Math.min(folded.mean[c] * Math.min(Math.max(y, 0), 65504) ** 2, LARGEST));
 }
 
+// The light that a tile's maps hold at a moment, by stored texel.
+function mapsAt(bundle, tile, moment) {
+  if (tile.planes) {
+    planesOf(bundle, tile);
+    const folded = foldPlanes(bundle, tile, moment);
+    return (x, y) => planesTexel(folded, y * tile.width + x);
+  }
+  if (!tile.features) return () => [0, 0, 0];
+  const folded = foldTile(bundle, tile, moment);
+  texelsOf(tile);
+  return (x, y) => texelOf(tile, folded, x, y);
+}
+
 // All light of one stored texel.
 function decodeTexel(bundle, tile, hour, x, y) {
-  const moment = momentOf(bundle, hour);
-  let light = [0, 0, 0];
-  if (tile.features) {
-    const folded = foldTile(bundle, tile, moment);
-    texelsOf(tile);
-    light = texelOf(tile, folded, x, y);
-  }
+  const moment = momentOf(bundle, hour), light = mapsAt(bundle, tile, moment)(x, y);
   if (!tile.levels) return light;
   const sun = sunOf(bundle, tile, moment.t);
   return sun ? light.map((value, c) => Math.min(value + sunTexel(sun, tile, y * tile.width + x, c), LARGEST)) : light;
@@ -243,11 +271,10 @@ function decodeTexel(bundle, tile, hour, x, y) {
 // All light of what a tile stores: width × height × 3.
 function decodeTile(bundle, tile, hour) {
   const moment = momentOf(bundle, hour), out = new Float32Array(3 * tile.width * tile.height);
-  const folded = tile.features && foldTile(bundle, tile, moment), sun = tile.levels && sunOf(bundle, tile, moment.t);
-  if (folded) texelsOf(tile);
+  const maps = mapsAt(bundle, tile, moment), sun = tile.levels && sunOf(bundle, tile, moment.t);
   for (let y = 0, i = 0; y < tile.height; y++) {
     for (let x = 0; x < tile.width; x++, i++) {
-      const light = folded ? texelOf(tile, folded, x, y) : [0, 0, 0];
+      const light = maps(x, y);
       for (let c = 0; c < 3; c++) out[3 * i + c] = Math.min(light[c] + (sun ? sunTexel(sun, tile, i, c) : 0), LARGEST);
     }
   }

@@ -4,6 +4,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use commands::console::{ConsoleArgs, refuse_arguments_not_utf8};
 use commands::typed::{refuse_misspelt, time_limit};
 use compressor::Result;
+use compressor::bundle::MapCoding;
 use compressor::compress::{PRESETS, Preset, Shard};
 use compressor::lanes::Tier;
 use compressor::model::{PROFILES, Profile};
@@ -21,6 +22,7 @@ Examples:
   compress dataset/yard --without-sun                       for a game that draws the sun itself
   compress decode dataset/yard/yard.ndgi --hour 18.05 --out evening.exr
   compress evaluate dataset/yard --csv quality.csv
+  compress dataset/yard --coding basis                      planes instead of neural maps
   compress sweep dataset/yard --tiles 4 --presets draft     compares profiles
   compress compare dataset/yard --draft                     compares other methods
   compress info dataset/yard/yard.ndgi
@@ -337,6 +339,11 @@ pub(crate) struct Compress {
     /// light separately]
     #[arg(long, value_parser = parse_profile)]
     pub profile: Option<Profile>,
+    /// How maps are coded. neural: feature maps and a tiny network per tile, trained: 8 to 12 bits a texel in
+    /// memory for the whole day, decoded by shaders. basis: planes that all hours share, lamps apart: cleaner
+    /// nights, encoded in seconds; the compute shader and the stream do not decode it yet.
+    #[arg(long, value_name = "CODING", default_value = "neural", value_parser = parse_coding)]
+    pub coding: MapCoding,
     /// Choose what each tile stores by brief trial fits, so that all tiles together reach about this pooled
     /// PSNR in dB (more if even the smallest choices exceed it).
     #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = parse_positive, conflicts_with = "profile")]
@@ -416,6 +423,14 @@ fn parse_profile(name: &str) -> Result<Profile, String> {
     let known = || PROFILES.map(|profile| profile.name).join(", ");
     let found = PROFILES.into_iter().find(|profile| profile.name.eq_ignore_ascii_case(name));
     found.ok_or_else(|| format!("expected one of {}", known()))
+}
+
+fn parse_coding(name: &str) -> Result<MapCoding, String> {
+    match name {
+        "neural" => Ok(MapCoding::Neural),
+        "basis" => Ok(MapCoding::Basis),
+        _ => Err("expected neural or basis".to_owned()),
+    }
 }
 
 fn parse_preset(name: &str) -> Result<Preset, String> {

@@ -3,9 +3,10 @@
 use super::open;
 
 use commands::console::Console;
-use compressor::bundle::Bundle;
+use compressor::bundle::{Bundle, MapCoding};
 use compressor::model::Contents;
 use compressor::{Result, of_bundle, printable};
+use dataset::observe::count;
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -13,10 +14,15 @@ use std::path::PathBuf;
 /// Tiles by their configuration, with number and bytes; the largest share of the bundle first.
 fn contents(bundle: &Bundle) -> Vec<serde_json::Value> {
     let mut kinds: BTreeMap<String, (usize, u64)> = BTreeMap::new();
-    for entry in bundle.index.iter().filter(|entry| entry.ndgi.length > 0) {
-        let kind = Contents::of_word(entry.ndgi.word).map_or(String::new(), |contents| contents.to_string());
+    for entry in bundle.index.iter().filter(|entry| entry.maps.length > 0) {
+        let kind = match bundle.header.coding {
+            MapCoding::Basis => count(entry.maps.word as usize, "plane"),
+            MapCoding::Neural => {
+                Contents::of_word(entry.maps.word).map_or(String::new(), |contents| contents.to_string())
+            }
+        };
         let (tiles, bytes) = kinds.entry(kind).or_default();
-        (*tiles, *bytes) = (*tiles + 1, *bytes + u64::from(entry.ndgi.length));
+        (*tiles, *bytes) = (*tiles + 1, *bytes + u64::from(entry.maps.length));
     }
     let mut kinds: Vec<_> = kinds.into_iter().collect();
     kinds.sort_by_key(|(_, (_, bytes))| std::cmp::Reverse(*bytes));

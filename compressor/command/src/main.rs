@@ -8,6 +8,7 @@ mod view;
 use args::{Command, Compare, Compress, LightName, SlowMetricsArgs, Sweep};
 use commands::console::{Console, catch_interrupts, fail};
 use compressor::bundle::Bundle;
+use compressor::bundle::MapCoding;
 use compressor::compare::{self, Effort};
 use compressor::compress::{DRAFT, MEDIUM, Options, Rate, default_bundle, light_of};
 use compressor::decode::{Decoder, Lights};
@@ -68,8 +69,13 @@ fn compress(args: Compress, console: &Console) -> Result<()> {
         None => preset.iterations,
     };
     args.instructions.iter().for_each(|tier| tier.limit());
-    let Compress { time_limit, seed, out, force, merge, without_sun, still_shadows, .. } = args;
+    if args.coding == MapCoding::Basis && (args.iterations.is_some() || args.preset.is_some()) {
+        let what = "the coding basis trains nothing; omit --iterations and --preset, or use --coding neural";
+        return Err(Error::invalid("command line", what));
+    }
+    let Compress { coding, time_limit, seed, out, force, merge, without_sun, still_shadows, .. } = args;
     let options = Options {
+        coding,
         rate,
         iterations,
         time_limit,

@@ -40,7 +40,7 @@ fn a_bundle_of_another_version_is_not_replaced_unless_forced() {
     let out = root.join("court.ndgi");
     compress(&root, &options(&out), &Silent).unwrap();
     let whole = fs::read(&out).unwrap();
-    for version in [3u8, 5] {
+    for version in [4u8, 6] {
         let mut other = whole.clone();
         other[8] = version;
         fs::write(&out, &other).unwrap();
@@ -49,7 +49,7 @@ fn a_bundle_of_another_version_is_not_replaced_unless_forced() {
         };
         let output = run(&[]);
         let said = String::from_utf8(output.stderr).unwrap();
-        let told = format!("bundle version {version}; this program reads version 4");
+        let told = format!("bundle version {version}; this program reads version 5");
         assert!(!output.status.success() && said.contains(&told) && said.contains("--force"), "{said}");
         assert!(fs::read(&out).unwrap() == other, "{version}");
         assert!(run(&["--force"]).status.success(), "{version}");
@@ -82,9 +82,9 @@ fn status_says_why_a_bundle_cannot_be_read() {
         bytes[at] ^= 1;
         bytes
     };
-    let tile = Bundle::open(&out).unwrap().index[0].ndgi.offset as usize;
+    let tile = Bundle::open(&out).unwrap().index[0].maps.offset as usize;
     for (bytes, expected) in [
-        (changed(8), "bundle version 5; this program reads version 4"),
+        (changed(8), "bundle version 4; this program reads version 5"),
         (changed(tile), "the file is damaged; run `compress` to make it again"),
         (whole[..whole.len() / 2].to_vec(), "cut short, or damaged; run `compress` to make it again"),
         (
@@ -160,10 +160,10 @@ fn damage_in_any_section_is_refused_by_the_viewer_and_repaired_by_a_rerun() {
     let bundle = Bundle::open(&out).unwrap();
     let first = bundle.index[0];
     let last = bundle.index.last().unwrap();
-    assert!(first.ndgi.length > 0 && first.sun.length > 0 && first.shadows.length > 0);
+    assert!(first.maps.length > 0 && first.sun.length > 0 && first.shadows.length > 0);
     // One section at a time, then several of two tiles.
-    let all = [first.ndgi, last.ndgi, first.sun];
-    for parts in [&[first.ndgi][..], &[first.sun], &[first.shadows], &all] {
+    let all = [first.maps, last.maps, first.sun];
+    for parts in [&[first.maps][..], &[first.sun], &[first.shadows], &all] {
         let mut damaged = whole.clone();
         parts.iter().for_each(|part| damaged[part.offset as usize + 9] ^= 4);
         fs::write(&out, &damaged).unwrap();
@@ -177,7 +177,7 @@ fn damage_in_any_section_is_refused_by_the_viewer_and_repaired_by_a_rerun() {
         assert!(compress(&root, &options(&out), &Silent).unwrap().up_to_date);
     }
     // Bytes of no tile: all is made again.
-    let start = bundle.index[0].ndgi.offset as usize;
+    let start = bundle.index[0].maps.offset as usize;
     if !bundle.bytes_resident.is_multiple_of(16) {
         let mut damaged = whole.clone();
         damaged[start - 1] = 1;

@@ -200,7 +200,7 @@ fn a_target_gives_each_tile_what_it_needs_whatever_the_threads() {
         bundle
             .index
             .iter()
-            .map(|e| (e.ndgi.length, Contents::of_word(e.ndgi.word).unwrap()))
+            .map(|e| (e.maps.length, Contents::of_word(e.maps.word).unwrap()))
             .collect::<Vec<_>>()
     };
     let tiles = chosen("b.ndgi");
@@ -457,7 +457,7 @@ fn a_time_limit_of_too_little_and_one_of_more_than_enough() {
     let bundle = || Bundle::open(&folder.path().join("isles.ndgi")).unwrap();
     let limited = bundle();
     compress(folder.path(), &brief(230), &Silent).unwrap();
-    let sums = |bundle: &Bundle| bundle.index.iter().map(|entry| entry.ndgi.checksum).collect::<Vec<_>>();
+    let sums = |bundle: &Bundle| bundle.index.iter().map(|entry| entry.maps.checksum).collect::<Vec<_>>();
     assert_eq!(sums(&limited), sums(&bundle()));
     assert!(limited.header.info.contains("\"time_limit_secs\":3600.0"), "{}", limited.header.info);
 }

@@ -47,7 +47,7 @@ impl Survey {
         for bundle in bundles {
             survey.shadows |= bundle.header.shadows;
             for (entry, place) in bundle.index.iter().zip(bundle.header.places()) {
-                let contents = Contents::of_word(entry.ndgi.word).filter(|_| entry.ndgi.length > 0);
+                let contents = Contents::of_word(entry.maps.word).filter(|_| entry.maps.length > 0);
                 let shape = contents.map(|contents| bundle.header.shape(place, &contents));
                 if let Some(shape) = &shape {
                     let [width, height, _] = shape.uvt;

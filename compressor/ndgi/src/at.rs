@@ -7,11 +7,12 @@
 //! # Ok::<(), ndgi::Error>(())
 //! ```
 
-use crate::bundle::Bundle;
+use crate::bundle::{Bundle, MapCoding};
 use crate::decode::{Lights, Prepared, bilinear};
 use crate::grid::{Grid, Place};
 use crate::model::{BORDER, PAYLOAD};
 use crate::pack;
+use crate::planes::PlanesAt;
 use crate::sun::{Sun, TileSun, add_shares, around};
 use crate::time::{TimePoint, check_hour, fold_hour};
 use crate::{Error, Result};
@@ -48,7 +49,7 @@ impl Bundle {
     /// [`Error::Invalid`] for an hour that is not a finite number.
     pub fn at(&self, hour: f64) -> Result<At<'_>> {
         check_hour(hour)?;
-        let (point, hour) = (self.header.timeline.at(hour), fold_hour(hour));
+        let (point, hour) = (self.maps_timeline().at(hour), fold_hour(hour));
         let is_up = |sun: &&Sun| sun.path.at(hour).is_some_and(|(_, irradiance)| irradiance != [0.0; 3]);
         let sun = self.header.sun.as_ref().filter(is_up).map(|sun| sun.near(hour));
         Ok(At { bundle: self, lights: Lights::All, hour, point, sun })
@@ -94,13 +95,9 @@ impl<'a> At<'a> {
         // A place that the bundle does not have is refused here.
         self.bundle.knots(place)?;
         let grid = self.bundle.header.pages[place.page];
-        let tile = match self.lights {
+        let maps = match self.lights {
             Lights::Sun => None,
-            _ => self.bundle.tile(place)?,
-        };
-        let maps = match &tile {
-            Some(tile) => Prepared::new(tile, &self.bundle.header.timeline, &self.point)?,
-            None => None,
+            _ => self.maps(place)?,
         };
         let lit = match self.sun.as_ref().filter(|_| self.lights != Lights::Baked) {
             Some((times, sun)) => {
@@ -116,6 +113,21 @@ impl<'a> At<'a> {
             maps,
             lit,
         })
+    }
+
+    /// What a tile's maps hold, without the sun's stream; `None` if it is black.
+    fn maps(&self, place: Place) -> Result<Option<Maps>> {
+        let header = &self.bundle.header;
+        if header.coding == MapCoding::Neural {
+            let Some(tile) = self.bundle.tile(place)? else { return Ok(None) };
+            let prepared = Prepared::new(&tile, &header.timeline, &self.point)?;
+            return Ok(prepared.map(|prepared| Maps::Neural(Box::new(prepared))));
+        }
+        let Some(planes) = self.bundle.planes(place)? else { return Ok(None) };
+        let groups: Vec<usize> = (0..header.groups.len()).filter(|group| header.apart[*group]).collect();
+        let weight = |at: usize| f32::from(u8::from(header.timeline.is_on(groups[at], self.hour)));
+        let at = planes.at(&self.point, |group| header.lamp(usize::from(group)), weight);
+        Ok((!at.is_black()).then_some(Maps::Planes(at)))
     }
 
     /// The position on the bundle's timeline.
@@ -174,6 +186,29 @@ pub struct SunAt {
     pub irradiance: [f32; 3],
 }
 
+/// What a tile's maps hold at one time.
+#[derive(Clone, Debug)]
+enum Maps {
+    Neural(Box<Prepared>),
+    Planes(PlanesAt),
+}
+
+impl Maps {
+    fn texel(&self, x: usize, y: usize) -> [f32; 3] {
+        match self {
+            Maps::Neural(prepared) => prepared.texel(x, y),
+            Maps::Planes(planes) => planes.texel(x, y),
+        }
+    }
+
+    fn decode_into(&self, out: &mut [[f32; 3]]) {
+        match self {
+            Maps::Neural(prepared) => prepared.decode_into(out),
+            Maps::Planes(planes) => planes.decode_into(out),
+        }
+    }
+}
+
 /// A tile's direct light of the sun at one time.
 #[derive(Clone, Debug)]
 struct Lit {
@@ -191,7 +226,7 @@ struct Lit {
 pub struct Tile {
     size: (usize, usize),
     stored: (usize, usize),
-    maps: Option<Prepared>,
+    maps: Option<Maps>,
     lit: Option<Lit>,
 }
 
@@ -247,7 +282,7 @@ impl Tile {
         bilinear(|dx, dy| self.stored_texel(x + dx, y + dy), shares)
     }
 
-    fn stored_texel(&self, x: usize, y: usize) -> [f32; 3] {
+    pub(crate) fn stored_texel(&self, x: usize, y: usize) -> [f32; 3] {
         let light = self.maps.as_ref().map_or([0.0; 3], |maps| maps.texel(x, y));
         let Some(Lit { shares, irradiance }) = &self.lit else { return light };
         let i = y * self.stored.0 + x;

@@ -12,23 +12,26 @@ mod sun;
 
 pub use crate::model::Section;
 pub use payload::{Payload, blocks_len, encode_payload, full_len};
-pub use resident::rounded_means;
+use resident::decode_brightness;
+pub use resident::{encode_brightness, rounded_brightness, rounded_means};
 pub use sun::SunSections;
 
 use crate::grid::{Grid, Place};
-use crate::model::{Contents, Knot, Shape, TileParams};
+use crate::model::{Brightness, Contents, Knot, Shape, TileParams};
+use crate::planes::{MOST_PLANES, PlaneSet, TilePlanes, decode_section as decode_planes, lit_frames};
 use crate::source::{Memory, ReadAt};
 use crate::sun::{Sun, SunDecoder};
 use crate::time::Timeline;
 use crate::{Error, Result};
-use std::sync::OnceLock;
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 #[cfg(feature = "file")]
 use std::{fs::File, io::Read, path::Path};
 
 /// The first eight bytes of a bundle; the line ends show a file that went through a text conversion.
 pub const MAGIC: [u8; 8] = *b"NDGI\r\n\x1a\n";
 /// The version this crate writes and reads.
-pub const VERSION: u32 = 4;
+pub const VERSION: u32 = 5;
 /// Bytes before the variable part of the header.
 const FIXED: usize = 32;
 /// Alignment in bytes of the header's and every payload's start and end.
@@ -38,6 +41,10 @@ const MAX_HEADER: u64 = 1 << 28;
 /// Longest side of a page, in texels.
 const MAX_SIDE: usize = 1 << 20;
 
+/// Memory that the unpacked planes of the last tiles may take: a page of 1024² with twenty planes a tile
+/// takes 60 MB.
+pub const UNPACKED_BYTES: usize = 96 << 20;
+
 /// The kind of a page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PageKind {
@@ -45,6 +52,15 @@ pub enum PageKind {
     Atlas = 0,
     /// The light of points in space.
     Probes = 1,
+}
+
+/// How tiles' maps are coded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MapCoding {
+    /// Feature maps and a tiny network: [`TileParams`].
+    Neural,
+    /// Planes that all frames share: [`TilePlanes`].
+    Basis,
 }
 
 /// A bundle's metadata.
@@ -62,8 +78,12 @@ pub struct Header {
     pub kinds: Vec<PageKind>,
     /// Names of the light groups, in the timeline's order.
     pub groups: Vec<String>,
+    /// Per light group: true if its light is apart from the maps' other light, with planes of its own.
+    pub apart: Vec<bool>,
     /// Hours of the frames, schedules and states of the groups, and the coding.
     pub timeline: Timeline,
+    /// How maps are coded.
+    pub coding: MapCoding,
     /// The sun, where its direct light is a separate stream.
     pub sun: Option<Sun>,
     /// True if the bundle has a stream of moving shadows between the times of visibility.
@@ -92,6 +112,44 @@ impl Header {
     /// Number of knots: [`Timeline::knots`].
     pub fn knots(&self) -> usize {
         self.timeline.hours.len() + self.timeline.between.len()
+    }
+
+    /// The times of what is not apart: of light groups, only those that switch it.
+    pub fn maps_timeline(&self) -> Timeline {
+        self.timeline.without(&self.apart)
+    }
+
+    /// Number of light groups that are apart.
+    pub fn lamps(&self) -> usize {
+        self.apart.iter().filter(|apart| **apart).count()
+    }
+
+    /// The place of a light group among those that are apart; `None` if it is not.
+    pub fn lamp(&self, group: usize) -> Option<usize> {
+        let is_apart = self.apart.get(group).copied().unwrap_or(false);
+        is_apart.then(|| self.apart[..group].iter().filter(|apart| **apart).count())
+    }
+
+    /// Words of a tile's line of the resident block, but for its scale.
+    fn resident_words(&self) -> usize {
+        self.knots() + self.lamps()
+    }
+
+    /// Checks the word and length of a tile's maps.
+    ///
+    /// # Errors
+    /// A message for what no tile of this bundle can have.
+    fn check_maps(&self, place: Place, word: u32, length: usize) -> Result<(), String> {
+        match self.coding {
+            MapCoding::Neural => self.contents(place, word, length).map(drop),
+            MapCoding::Basis => {
+                let most = MOST_PLANES * (1 + self.lamps());
+                match word as usize > most || length == 0 && word != 0 {
+                    true => Err(format!("word {word:#x}; expected at most {most} planes")),
+                    false => Ok(()),
+                }
+            }
+        }
     }
 
     /// Sizes of a tile's maps. The place must be one of [`Header::places`].
@@ -136,8 +194,8 @@ pub struct Part {
 /// One line of the index.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Entry {
-    /// Features and decoder; empty for a tile without light other than the sun's direct light.
-    pub ndgi: Part,
+    /// Maps, by the bundle's coding; empty for a tile without light other than the sun's direct light.
+    pub maps: Part,
     /// The sun's visibility.
     pub sun: Part,
     /// Moving shadows between its times.
@@ -147,7 +205,7 @@ pub struct Entry {
 impl Entry {
     /// Total bytes.
     pub fn bytes(&self) -> u64 {
-        [self.ndgi, self.sun, self.shadows].iter().map(|part| u64::from(part.length)).sum()
+        [self.maps, self.sun, self.shadows].iter().map(|part| u64::from(part.length)).sum()
     }
 }
 
@@ -184,9 +242,12 @@ pub fn encode(header: &Header, payloads: &[Payload]) -> Result<Vec<u8>> {
     }
     for (payload, place) in payloads.iter().zip(header.places()) {
         let wrong = |what: String| wrong(format!("payload of {place:?}: {what}"));
-        let Payload { ndgi, sun, shadows, resident } = payload;
-        header.contents(place, ndgi.word, ndgi.bytes.len()).map_err(wrong)?;
-        let line = if ndgi.bytes.is_empty() { 0 } else { resident::len(header.knots()) };
+        let Payload { maps, sun, shadows, resident } = payload;
+        header.check_maps(place, maps.word, maps.bytes.len()).map_err(wrong)?;
+        if !maps.bytes.len().is_multiple_of(ALIGN) {
+            return Err(wrong(format!("{} bytes of maps", maps.bytes.len())));
+        }
+        let line = if maps.bytes.is_empty() { 0 } else { resident::len(header.resident_words()) };
         if resident.len() != line {
             return Err(wrong(format!("{} resident bytes; expected {line}", resident.len())));
         }
@@ -202,7 +263,7 @@ pub fn encode(header: &Header, payloads: &[Payload]) -> Result<Vec<u8>> {
     }
     let mut bytes = header::encode(header, payloads)?;
     for payload in payloads {
-        bytes.extend_from_slice(&payload.ndgi.bytes);
+        bytes.extend_from_slice(&payload.maps.bytes);
         bytes.extend_from_slice(&payload.sun.bytes);
         bytes.extend_from_slice(&payload.shadows.bytes);
     }
@@ -222,8 +283,14 @@ pub struct Bundle {
     pub bytes_resident: u64,
     /// Sections of streams that this crate does not know.
     unknown: Vec<Part>,
-    /// Per tile, its brightness at each knot; empty for a tile without features.
+    /// Per tile, how bright it is; empty for a tile without maps.
+    brightness: Vec<Brightness>,
+    /// The same with the light groups that are apart, at each knot; nothing if there are none.
     knots: Vec<Vec<Knot>>,
+    /// The times of what is not apart.
+    maps_timeline: Timeline,
+    /// Planes that were unpacked lately.
+    unpacked: Mutex<VecDeque<(usize, Arc<TilePlanes>)>>,
     sun_decoder: OnceLock<SunDecoder>,
     source: Box<dyn ReadAt>,
     name: String,
@@ -277,7 +344,10 @@ impl Bundle {
         let header::Read { header, index, unknown, resident } = header::decode(&head, bytes, &name)?;
         let mut bundle = Bundle {
             unknown,
+            brightness: Vec::new(),
             knots: Vec::new(),
+            maps_timeline: header.maps_timeline(),
+            unpacked: Mutex::default(),
             sun_decoder: OnceLock::new(),
             header,
             index,
@@ -286,19 +356,40 @@ impl Bundle {
             source,
             name,
         };
-        bundle.knots = bundle.read_knots(&resident)?;
+        bundle.brightness = bundle.read_brightness(&resident)?;
+        if bundle.header.lamps() > 0 {
+            bundle.knots = bundle.brightness.iter().map(|of| bundle.all_light(of)).collect();
+        }
         Ok(bundle)
     }
 
-    fn read_knots(&self, part: &Part) -> Result<Vec<Vec<Knot>>> {
+    fn read_brightness(&self, part: &Part) -> Result<Vec<Brightness>> {
         let bytes = self.read(part, || format!("{}, resident block", self.name))?;
-        let mut lines = bytes.chunks_exact(resident::len(self.header.knots()));
-        let line = |entry: &Entry| match entry.ndgi.length {
-            0 => Ok(Vec::new()),
-            _ => resident::decode(lines.next().unwrap_or_default()),
+        let mut lines = bytes.chunks_exact(resident::len(self.header.resident_words()));
+        let line = |entry: &Entry| match entry.maps.length {
+            0 => Ok(Brightness::default()),
+            _ => decode_brightness(lines.next().unwrap_or_default(), self.header.knots()),
         };
         let wrong = |what| Error::invalid(format!("{}, resident block", self.name), what);
         self.index.iter().map(line).collect::<Result<_, String>>().map_err(wrong)
+    }
+
+    /// A tile's knots with the light groups that are apart and on.
+    fn all_light(&self, of: &Brightness) -> Vec<Knot> {
+        let header = &self.header;
+        let hours = header.timeline.knots();
+        let with_lamps = |(hour, knot): (&f64, &Knot)| {
+            let mut knot = *knot;
+            for group in 0..header.groups.len() {
+                let Some(lamp) = header.lamp(group).and_then(|at| of.lamps.get(at)) else { continue };
+                if header.timeline.is_on(group, *hour) {
+                    (0..3).for_each(|c| knot.mean[c] = (knot.mean[c] + lamp.mean[c]).min(f32::MAX));
+                    knot.peak = (knot.peak + lamp.peak).min(f32::MAX);
+                }
+            }
+            knot
+        };
+        hours.iter().zip(&of.knots).map(with_lamps).collect()
     }
 
     /// The bytes of a section after verifying its checksum; `at` names it in errors.
@@ -345,7 +436,7 @@ impl Bundle {
         let Some(first) = self.index.first().filter(|_| length > 0) else { return Ok(()) };
         let mut bytes = [0; ALIGN];
         let io = |source| Error::Io { path: self.name.clone().into(), source };
-        self.source.read_at(first.ndgi.offset - length, &mut bytes[..length as usize]).map_err(io)?;
+        self.source.read_at(first.maps.offset - length, &mut bytes[..length as usize]).map_err(io)?;
         match bytes.iter().all(|byte| *byte == 0) {
             true => Ok(()),
             false => Err(Error::invalid(
@@ -360,8 +451,19 @@ impl Bundle {
     /// # Errors
     /// As [`Bundle::tile`].
     pub fn verify_tile(&self, place: Place) -> Result<()> {
-        self.tile(place)?;
+        self.verify_maps(place)?;
         self.sun_sections(place).map(drop)
+    }
+
+    /// The same of its maps alone.
+    ///
+    /// # Errors
+    /// As [`Bundle::tile`].
+    pub fn verify_maps(&self, place: Place) -> Result<()> {
+        match self.header.coding {
+            MapCoding::Neural => self.tile(place).map(drop),
+            MapCoding::Basis => self.sets(place).map(drop),
+        }
     }
 
     fn position(&self, place: Place) -> Result<usize> {
@@ -417,7 +519,82 @@ impl Bundle {
 
     /// The same by the tile's number in [`Bundle::index`]; empty for a number that no tile has.
     pub fn knots_at(&self, number: usize) -> &[Knot] {
-        self.knots.get(number).map_or(&[], Vec::as_slice)
+        match self.header.lamps() {
+            0 => self.brightness.get(number).map_or(&[], |of| &of.knots),
+            _ => self.knots.get(number).map_or(&[], Vec::as_slice),
+        }
+    }
+
+    /// How bright a tile is without the light groups that are apart, and each of those; empty for a tile
+    /// without maps.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a place that the bundle does not have.
+    pub fn brightness(&self, place: Place) -> Result<&Brightness> {
+        Ok(&self.brightness[self.position(place)?])
+    }
+
+    /// The times of what is not apart from the maps: [`Header::maps_timeline`].
+    pub fn maps_timeline(&self) -> &Timeline {
+        &self.maps_timeline
+    }
+
+    /// Reads, checks and unpacks a tile's planes, or gives those of the last tiles asked for, at most
+    /// [`UNPACKED_BYTES`]; `None` if it has none.
+    ///
+    /// # Errors
+    /// As [`Bundle::tile`].
+    pub fn planes(&self, place: Place) -> Result<Option<Arc<TilePlanes>>> {
+        let position = self.position(place)?;
+        if self.header.coding != MapCoding::Basis || self.index[position].maps.length == 0 {
+            return Ok(None);
+        }
+        let lock = || self.unpacked.lock().unwrap_or_else(PoisonError::into_inner);
+        {
+            let mut recent = lock();
+            if let Some(i) = recent.iter().position(|(at, _)| *at == position)
+                && let Some(hit) = recent.remove(i)
+            {
+                let planes = Arc::clone(&hit.1);
+                recent.push_front(hit);
+                return Ok(Some(planes));
+            }
+        }
+        let sets = self.sets(place)?;
+        let (timeline, brightness) = (&self.header.timeline, &self.brightness[position]);
+        let size = self.header.pages[place.page].stored(place.column, place.row).into();
+        let planes = Arc::new(TilePlanes::new(&sets, size, timeline, brightness));
+        let mut recent = lock();
+        recent.push_front((position, Arc::clone(&planes)));
+        let mut held = 0;
+        let fit = recent.iter().enumerate().take_while(|(i, (_, planes))| {
+            held += planes.bytes();
+            *i == 0 || held <= UNPACKED_BYTES
+        });
+        let fit = fit.count();
+        recent.truncate(fit);
+        Ok(Some(planes))
+    }
+
+    /// Reads and checks a tile's planes as they are stored; nothing if it has none.
+    ///
+    /// # Errors
+    /// As [`Bundle::tile`].
+    pub fn sets(&self, place: Place) -> Result<Vec<PlaneSet>> {
+        let position = self.position(place)?;
+        let part = &self.index[position].maps;
+        if self.header.coding != MapCoding::Basis || part.length == 0 {
+            return Ok(Vec::new());
+        }
+        let section = self.read(part, || self.name_of(place))?;
+        let size = self.header.pages[place.page].stored(place.column, place.row).into();
+        let (lit, _) = lit_frames(&self.header.timeline, &self.brightness[position]);
+        let frames = |source: u16| match source.checked_sub(1) {
+            None => (lit > 0).then_some(lit),
+            Some(group) => self.header.lamp(usize::from(group)).map(|_| 1),
+        };
+        decode_planes(&section, part.word, size, frames)
+            .map_err(|what| Error::invalid(self.name_of(place), what))
     }
 
     /// Reads and checks one tile's features and decoder; `None` if it has no light other than the sun's
@@ -436,16 +613,20 @@ impl Bundle {
     ///
     /// # Errors
     /// [`Error::Invalid`] for a place that the bundle does not have, a checksum that differs, or a value that
-    /// the format forbids.
+    /// the format forbids; [`Error::Unsupported`] for a bundle of planes.
     pub fn tile(&self, place: Place) -> Result<Option<TileParams>> {
         let position = self.position(place)?;
-        let part = &self.index[position].ndgi;
+        let part = &self.index[position].maps;
+        if self.header.coding != MapCoding::Neural {
+            let what = "its maps are planes (coding basis), not features: read them with Bundle::planes, or use a bundle made with --coding neural";
+            return Err(Error::unsupported(&self.name, what));
+        }
         // The index was checked when it was read.
         let Some(contents) = Contents::of_word(part.word).filter(|_| part.length > 0) else {
             return Ok(None);
         };
         let section = self.read(part, || self.name_of(place))?;
-        let knots = self.knots[position].clone();
+        let knots = self.brightness[position].knots.clone();
         let shape = self.header.shape(place, &contents);
         payload::decode_section(&section, part.word, shape, self.header.groups.len(), knots)
             .map_err(|what| Error::invalid(self.name_of(place), what))
@@ -464,17 +645,17 @@ impl Bundle {
             let bytes = if part.length > 0 { self.read(part, || self.name.clone())? } else { Vec::new() };
             Ok::<_, Error>(Section { word: part.word, bytes })
         };
-        let payload = |(entry, knots): (&Entry, &Vec<Knot>)| {
-            let Entry { ndgi, sun, shadows } = entry;
-            let resident = if ndgi.length > 0 {
-                resident::encode(knots).map_err(|what| Error::invalid(&self.name, what))?
+        let payload = |(entry, brightness): (&Entry, &Brightness)| {
+            let Entry { maps, sun, shadows } = entry;
+            let resident = if maps.length > 0 {
+                encode_brightness(brightness).map_err(|what| Error::invalid(&self.name, what))?
             } else {
                 Vec::new()
             };
-            Ok(Payload { ndgi: section(ndgi)?, sun: section(sun)?, shadows: section(shadows)?, resident })
+            Ok(Payload { maps: section(maps)?, sun: section(sun)?, shadows: section(shadows)?, resident })
         };
         let payloads: Vec<Payload> =
-            self.index.iter().zip(&self.knots).map(payload).collect::<Result<_>>()?;
+            self.index.iter().zip(&self.brightness).map(payload).collect::<Result<_>>()?;
         let mut header = self.header.clone();
         header.pages = self.header.pages.repeat(copies);
         header.kinds = self.header.kinds.repeat(copies);

@@ -18,9 +18,9 @@ pub(crate) use prepared::Prepared;
 pub use texel::texel;
 pub use tile::TileDecoder;
 
-use crate::bundle::Bundle;
+use crate::bundle::{Bundle, MapCoding};
 use crate::grid::Place;
-use crate::model::{BORDER, PAYLOAD, TileParams};
+use crate::model::{BORDER, PAYLOAD, TileParams, Y_MAX};
 use crate::sun::TileSun;
 use crate::time::{self, Coding, TimePoint, Timeline};
 use crate::{Error, Result};
@@ -29,9 +29,6 @@ use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
-
-/// Upper clamp of the decoder's output before it is raised to its power: the largest finite f16.
-const Y_MAX: f32 = 65504.0;
 
 /// The two texels around a coordinate in [0, 1] on an axis of `n` texels with centres at (i + ½)/n, clamped
 /// at the ends, and the share of the second.
@@ -230,8 +227,12 @@ impl Decoder {
     pub fn sample(&self, page: usize, u: f64, v: f64, hour: f64) -> Result<[f32; 3]> {
         let grid = self.bundle.grid(page)?;
         time::check_hour(hour)?;
-        let point = self.bundle.header.timeline.at(hour);
         let (place, [x, y], [s, t]) = grid.around(page, [u, v])?;
+        if self.bundle.header.coding == MapCoding::Basis {
+            let tile = self.bundle.at(hour)?.tile(place)?;
+            return Ok(bilinear(|dx, dy| tile.stored_texel(x + dx, y + dy), [s, t]));
+        }
+        let point = self.bundle.header.timeline.at(hour);
         let (tile, lit) = (self.tile(place)?, self.sun(place)?);
         let (width, _) = grid.stored(place.column, place.row);
         let at = |dx, dy| {

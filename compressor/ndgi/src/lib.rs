@@ -17,6 +17,7 @@ pub mod model;
 pub mod bc7;
 pub mod grid;
 pub mod sun;
+pub mod planes;
 pub mod bundle;
 pub mod decode;
 pub mod pack;

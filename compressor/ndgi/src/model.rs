@@ -39,6 +39,8 @@ pub const MOST_GATES: usize = 63;
 const MOST_SLICES: usize = 127;
 /// Most rows of F_ut and F_vt.
 const MOST_ROWS: usize = 255;
+/// Upper clamp of a decoder's output before it is raised to its power: the largest finite f16.
+pub(crate) const Y_MAX: f32 = 65504.0;
 /// Widths of hidden layers, by their number in a word.
 const WIDTHS: [usize; 3] = [16, 64, 32];
 
@@ -420,6 +422,15 @@ pub fn gelu(x: f32) -> f32 {
     let y = x.clamp(-GELU_BOUND, GELU_BOUND);
     let [p0, p1] = GELU_COEFFICIENTS;
     x * (0.5 + y * (p1 * (y * y) + p0))
+}
+
+/// How bright a tile is, known without reading it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Brightness {
+    /// Per knot, the light of what is not apart.
+    pub knots: Vec<Knot>,
+    /// Per light group that is apart, in their order, its light when it is on; without a share.
+    pub lamps: Vec<Knot>,
 }
 
 /// A section of a tile, encoded.

@@ -3,10 +3,11 @@
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use crate::bc7::{self, Block, Mode};
-use crate::bundle::{self, Header, PageKind, Payload};
+use crate::bundle::{self, Header, MapCoding, PageKind, Payload};
 use crate::grid::{Grid, Place};
 use crate::half::F16;
-use crate::model::{Contents, Knot, Profile, Shape, TileParams};
+use crate::model::{Brightness, Contents, Knot, Profile, Section, Shape, TileParams};
+use crate::planes::{self, PlaneSet};
 use crate::sun::{self, Coder, Counts, Shadows, Sun, SunPath, TileSun, Word};
 use crate::time::{Axis, Coding, Timeline, is_on};
 
@@ -88,6 +89,8 @@ pub fn header() -> Header {
         pages: vec![Grid { width: 128, height: 5 }, Grid { width: 9, height: 1 }],
         kinds: vec![PageKind::Atlas, PageKind::Probes],
         groups: vec!["porch".to_owned(), "garden".to_owned()],
+        apart: vec![false; 2],
+        coding: MapCoding::Neural,
         timeline: Timeline { hours, between: vec![20.0], intervals, states, coding: Coding::Standard },
         sun: None,
         shadows: false,
@@ -260,6 +263,7 @@ pub fn switching_bundle() -> Vec<u8> {
     let mut header = Header { pages: vec![Grid { width: 140, height: 10 }], ..header() };
     header.kinds.truncate(1);
     header.groups = ["porch", "blink", "spark"].map(str::to_owned).to_vec();
+    header.apart = vec![false; 3];
     let hours = vec![0.0, 4.8, 4.9, 6.5, 11.5, 12.5, 17.5, 20.0];
     let intervals = vec![
         vec![[19.0, 4.9]],
@@ -311,4 +315,84 @@ pub fn all_contents(hidden: usize) -> Vec<u8> {
     };
     let payloads: Vec<Payload> = header.places().enumerate().map(payload).collect();
     bundle::encode(&header, &payloads).unwrap()
+}
+
+/// A set of random planes.
+pub fn plane_set(
+    source: u16,
+    [width, height]: [usize; 2],
+    planes: usize,
+    frames: usize,
+    seed: u64,
+) -> PlaneSet {
+    let mut random = Random(seed);
+    let blocks = width.div_ceil(8) * height.div_ceil(8);
+    let mut around = |n: usize| random.below(2 * n + 1) as i32 - n as i32;
+    // Light of about its mean in the first plane, with a few coefficients a block.
+    let factor = |i: usize, noise: i32| if i < 3 * frames && i.is_multiple_of(3) { 64 } else { 0 } + noise;
+    let factors = (0..3 * frames * planes).map(|i| factor(i, around(40))).collect();
+    let covered: Vec<bool> = (0..blocks).map(|_| around(4) < 4).collect();
+    let coefficient = |i: usize, size: i32| match size {
+        _ if i > 20 => 0,
+        size => (size / (1 + i as i32 / 3)) as i16,
+    };
+    let coefficients = (0..planes * blocks)
+        .map(|i| {
+            let size = if covered[i % blocks] && around(3) < 2 { 40 } else { 0 };
+            let mut block = std::array::from_fn(|i| coefficient(i, around(size)));
+            if size > 0 && i < blocks {
+                block[0] += 220;
+            }
+            block
+        })
+        .collect();
+    PlaneSet {
+        source,
+        is_linear: seed.is_multiple_of(5),
+        step: 32,
+        chroma: 24,
+        weights: (0..frames).map(|frame| -(frame as i32 % 3)).collect(),
+        scales: vec![48; planes],
+        factors,
+        covered,
+        coefficients,
+    }
+}
+
+/// A bundle of planes: [`header`]'s times, pages of whole tiles and of slivers, a black tile. One
+/// light group is apart, the other is not.
+pub fn basis_bundle() -> Vec<u8> {
+    let (header, payloads) = basis_parts();
+    bundle::encode(&header, &payloads).unwrap()
+}
+
+/// The parts of [`basis_bundle`].
+pub fn basis_parts() -> (Header, Vec<Payload>) {
+    let mut header = Header { apart: vec![true, false], coding: MapCoding::Basis, ..header() };
+    header.timeline.between = vec![3.0, 20.0];
+    header.pages = vec![Grid { width: 140, height: 9 }, Grid { width: 20, height: 13 }];
+    let payload = |(i, place): (usize, Place)| {
+        if i == 1 {
+            return Payload::default();
+        }
+        let (width, height) = header.pages[place.page].stored(place.column, place.row);
+        let mut random = Random(i as u64 + 3);
+        let mut knot = |share: f32| {
+            let mut mean = || (0.1 + random.unit()) * 0.5;
+            Knot { mean: [mean(), mean(), mean()], peak: 3.0, share }
+        };
+        let mut knots: Vec<Knot> = [0.0, 0.2, 0.0, 0.0, 0.0, 0.6].map(&mut knot).to_vec();
+        // The second frame is black.
+        knots[2].mean = [0.0; 3];
+        let brightness = Brightness { knots, lamps: vec![knot(0.0)] };
+        let sets = [(0, 5, 3), (1, 2, 1)].map(|(source, planes, frames)| {
+            let set = plane_set(source, [width, height], planes, frames, 10 * i as u64 + u64::from(source));
+            let bytes = planes::encode(&set, width);
+            (set, bytes)
+        });
+        let maps: Section = planes::encode_section(&sets).unwrap();
+        Payload { maps, resident: bundle::encode_brightness(&brightness).unwrap(), ..Payload::default() }
+    };
+    let payloads = header.places().enumerate().map(payload).collect();
+    (header, payloads)
 }

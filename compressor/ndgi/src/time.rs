@@ -139,10 +139,17 @@ impl TimePoint {
     /// share of `b` grows. Next to a frame a thousand times brighter it reaches that frame's coordinate
     /// almost at once; next to a black frame the light only fades. May exceed 1.
     pub fn tau(&self, taus: &[f64], brightness: impl Fn(usize) -> f64, share: impl Fn(usize) -> f64) -> f64 {
+        let along = self.share(brightness, share);
+        taus[self.a] + along * (taus[self.b] - taus[self.a]).rem_euclid(1.0)
+    }
+}
+
+impl TimePoint {
+    /// The part of the light that comes from `b`; arguments as of [`TimePoint::tau`].
+    pub fn share(&self, brightness: impl Fn(usize) -> f64, share: impl Fn(usize) -> f64) -> f64 {
         let [from, to] = self.knots;
         let shares = [share(from), if self.reaches_b { 1.0 } else { share(to) }];
-        let along = light_share(self.fraction, [brightness(from), brightness(to)], shares);
-        taus[self.a] + along * (taus[self.b] - taus[self.a]).rem_euclid(1.0)
+        light_share(self.fraction, [brightness(from), brightness(to)], shares)
     }
 }
 
@@ -233,6 +240,27 @@ impl Timeline {
                 let same = nearest(&mut (0..n).filter(|&k| self.states[k] == state));
                 self.hold(same.or_else(|| nearest(&mut (0..n))).unwrap_or(prev))
             }
+        }
+    }
+
+    /// The same times for light that some light groups are no part of: `is_apart` by group. Those do not
+    /// switch it.
+    pub fn without(&self, is_apart: &[bool]) -> Self {
+        let kept = |i: &usize| !is_apart.get(*i).copied().unwrap_or(false);
+        let groups = || (0..self.intervals.len()).filter(kept);
+        Timeline {
+            intervals: groups().map(|i| self.intervals[i].clone()).collect(),
+            states: self.states.iter().map(|state| groups().map(|i| state[i]).collect()).collect(),
+            ..self.clone()
+        }
+    }
+
+    /// Whether a light group is on at an hour: at a frame's hour as in the frame.
+    pub fn is_on(&self, group: usize, hour: f64) -> bool {
+        let hour = fold_hour(hour);
+        match self.hours.iter().position(|of| *of == hour) {
+            Some(frame) => self.states[frame][group],
+            None => is_on(&self.intervals[group], hour),
         }
     }
 

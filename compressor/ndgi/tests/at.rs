@@ -2,6 +2,7 @@
 //! and without a sun.
 
 use ndgi::Bundle;
+use ndgi::bundle::MapCoding;
 use ndgi::decode::{Decoder, Lights};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -129,6 +130,11 @@ fn a_bundle_is_read_from_memory_and_from_what_reads_at_an_offset() {
         let shared: Arc<[u8]> = bytes.into();
         let (of_memory, of_file) = (Bundle::from_bytes(shared).unwrap(), Bundle::open(&path).unwrap());
         for place in of_file.header.places() {
+            if of_file.header.coding == MapCoding::Basis {
+                let sets = of_file.sets(place).unwrap();
+                assert!(sets == of_memory.sets(place).unwrap() && sets == of_archive.sets(place).unwrap());
+                continue;
+            }
             let tile = of_file.tile(place).unwrap();
             assert!(tile == of_memory.tile(place).unwrap() && tile == of_archive.tile(place).unwrap());
         }

@@ -150,8 +150,8 @@ fn changed_bundles_are_errors_or_light_in_c_too() {
             let mut payloads = payloads.clone();
             for _ in 0..1 + random.below(3) {
                 let at = random.below(payloads.len());
-                let Payload { ndgi, sun, shadows, .. } = &mut payloads[at];
-                let section = [ndgi, sun, shadows].into_iter().nth(random.below(3)).unwrap();
+                let Payload { maps, sun, shadows, .. } = &mut payloads[at];
+                let section = [maps, sun, shadows].into_iter().nth(random.below(3)).unwrap();
                 if !section.bytes.is_empty() {
                     let near =
                         if random.below(2) == 0 { section.bytes.len().min(60) } else { section.bytes.len() };

@@ -8,10 +8,10 @@
 //! of three transfer curves is taken for each tile.
 
 use super::curve::Curve;
-use super::linear::{eigen, solve};
 use super::method::{CodedTile, ROUNDS, reweighted, timed};
 use super::tiles::{Texels, Tile};
 use crate::Result;
+use crate::linear::{eigen, solve};
 use half::f16;
 
 /// Linear light, which the error is measured in, and two that are fairer to the dark.

@@ -7,9 +7,9 @@ use super::part::Part;
 use super::shard;
 use super::tiles::{Tiles, lit};
 use super::{beside, default_bundle, digest, program};
-use crate::bundle::{self, Header, Payload};
+use crate::bundle::{self, Header, MapCoding, Payload};
 use crate::grid::{Grid, Place};
-use crate::law::{Law, can_omit_sun, is_sun_apart};
+use crate::law::{Law, can_omit_sun, can_part_lamps, is_sun_apart};
 use crate::model::Profile;
 use crate::sunlight::Sunlight;
 use crate::tile::Band;
@@ -25,6 +25,7 @@ use rayon::prelude::*;
 use serde_json::json;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
+use std::sync::OnceLock;
 
 /// Inputs of the work on a bundle, known before the first tile.
 pub(super) struct Job<'a> {
@@ -60,10 +61,20 @@ impl<'a> Job<'a> {
             }
             console.warn(format!("--without-sun has no effect: {root} has no direct light of the sun"));
         }
-        let law = Law::new(dataset, is_sun_apart(config) || options.without_sun && can_omit_sun(config))?;
+        let is_basis = options.coding == MapCoding::Basis;
+        if is_basis && (options.time_limit.is_some() || matches!(options.rate, Rate::Profile(_))) {
+            return Err(Error::unsupported(
+                "coding",
+                "the coding basis has no profiles and no training to limit; omit --profile and --time-limit, or use --coding neural",
+            ));
+        }
+        let mut law = Law::new(dataset, is_sun_apart(config) || options.without_sun && can_omit_sun(config))?;
+        if is_basis && can_part_lamps(config, law.is_apart) {
+            law = law.without_lamps();
+        }
         let usual = if law.is_apart { Profile::S } else { Profile::M };
         let rate = match options.rate {
-            Rate::Usual => Rate::Profile(usual),
+            Rate::Usual if !is_basis => Rate::Profile(usual),
             rate => rate,
         };
         let sunlight = match options.without_sun {
@@ -71,9 +82,10 @@ impl<'a> Job<'a> {
             false => Sunlight::new(dataset, !options.still_shadows)?,
         };
         let trained_on = trained_on(dataset, &law);
-        let Options { iterations, passes, seed, without_sun, still_shadows, .. } = *options;
+        let Options { coding, iterations, passes, seed, without_sun, still_shadows, .. } = *options;
+        let (coding, rate_name) = (format!("{coding:?}"), format!("{rate:?}"));
         let recipe =
-            json!([trained_on, format!("{rate:?}"), iterations, passes, seed, without_sun, still_shadows]);
+            json!([trained_on, coding, rate_name, iterations, passes, seed, without_sun, still_shadows]);
         Ok(Job {
             recipe: digest(&recipe),
             out: options.out.clone().unwrap_or_else(|| default_bundle(dataset)),
@@ -131,7 +143,8 @@ impl<'a> Job<'a> {
 
     /// The times between frames at which means are stored: [`Law::hours`].
     pub(super) fn hours(&self) -> Result<Vec<f64>> {
-        self.law.hours(self.dataset, &self.masks, &timeline(self.dataset))
+        let header = header(self, Vec::new());
+        self.law.hours(self.dataset, &self.masks, &header.maps_timeline())
     }
 
     /// The times between frames ([`Job::hours`]) as kept in the work folder, or computed if they are not
@@ -166,7 +179,7 @@ impl<'a> Job<'a> {
     }
 
     pub(super) fn hours_key(&self) -> String {
-        digest(&json!(["hours", program(), self.trained_on, self.law.is_apart]))
+        digest(&json!(["hours", program(), self.trained_on, self.law.is_apart, self.law.are_lamps_apart]))
     }
 
     /// The bundle's header with the sun's stream; `between`: [`Law::hours`].
@@ -219,6 +232,7 @@ impl<'a> Job<'a> {
             part,
             trained_on: &self.trained_on,
             recipe: &self.recipe,
+            step: OnceLock::new(),
             is_verified: false,
             deadline: None,
         }
@@ -255,6 +269,7 @@ fn check_texels(dataset: &Dataset, console: &dyn Observer) -> Result<()> {
 pub(super) fn header(job: &Job, between: Vec<f64>) -> Header {
     let Job { dataset, law, options, .. } = job;
     let config = &dataset.config;
+    let is_neural = options.coding == MapCoding::Neural;
     let mut info = json!({
         "generator": concat!("compress ", env!("CARGO_PKG_VERSION")),
         "inputs": dataset.config.digest_of_light(),
@@ -272,8 +287,12 @@ pub(super) fn header(job: &Job, between: Vec<f64>) -> Header {
             Rate::Bpp(target) => json!(target),
             _ => json!(null),
         },
-        "iterations": options.iterations,
-        "passes": options.passes,
+        "coding": match options.coding {
+            MapCoding::Neural => "neural",
+            MapCoding::Basis => "basis",
+        },
+        "iterations": is_neural.then_some(options.iterations),
+        "passes": is_neural.then_some(options.passes),
         "time_limit_secs": options.time_limit.map(|limit| limit.as_secs_f64()),
         "seed": options.seed,
         "sun": law.is_apart.then_some(if options.without_sun { "left out" } else { "apart" }),
@@ -298,6 +317,8 @@ pub(super) fn header(job: &Job, between: Vec<f64>) -> Header {
         sun: None,
         shadows: false,
         groups: config.groups.iter().map(|group| group.name.clone()).collect(),
+        apart: vec![law.are_lamps_apart; config.groups.len()],
+        coding: options.coding,
         timeline: Timeline { between, ..timeline(dataset) },
     }
 }
@@ -324,7 +345,7 @@ fn trained_on(dataset: &Dataset, law: &Law) -> String {
     };
     let mut layers: Vec<_> = (0..config.groups.len() as u32).map(files).collect();
     // With a separate sun, maps hold the sum of layers.
-    if law.is_apart {
+    if law.is_apart || law.are_lamps_apart {
         layers.push(config.layers.iter().flat_map(Layer::files).map(|file| file.blake3).collect());
     }
     // With curves, their layers' shares of the light decide means.

@@ -1,5 +1,6 @@
 //! Options of a compression.
 
+use crate::bundle::MapCoding;
 use crate::model::Profile;
 use crate::train::{Aim, Recipe};
 use std::path::PathBuf;
@@ -42,7 +43,9 @@ pub enum Rate {
 /// Options of a compression.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// How tiles' configurations are chosen.
+    /// How maps are coded.
+    pub coding: MapCoding,
+    /// How tiles' configurations, or with [`MapCoding::Basis`] the step of all tiles, are chosen.
     pub rate: Rate,
     /// Steps of the main phase; with a time limit, at most this many.
     pub iterations: usize,
@@ -82,6 +85,7 @@ impl Options {
     /// The defaults with a preset's training.
     pub fn of(preset: Preset) -> Self {
         Options {
+            coding: MapCoding::Neural,
             rate: Rate::Usual,
             iterations: preset.iterations,
             passes: preset.passes,

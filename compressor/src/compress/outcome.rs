@@ -4,7 +4,7 @@ use super::beside;
 use super::stats::TileStats;
 use super::tiles::Work;
 use crate::Result;
-use crate::bundle::{Header, Payload};
+use crate::bundle::{Header, MapCoding, Payload};
 use crate::grid::Place;
 use crate::lanes::Tier;
 use crate::mean::{mean, weighted_mean};
@@ -106,9 +106,7 @@ impl Outcome {
         let tile =
             |(Place { page, column, row }, (payload, stats)): (Place, (&Payload, &TileStats))| TileOutcome {
                 place: [page, column, row],
-                has: Contents::of_word(payload.ndgi.word)
-                    .filter(|_| !payload.ndgi.bytes.is_empty())
-                    .map(|contents| contents.to_string()),
+                has: contents(header, payload),
                 bytes: payload.bytes(),
                 steps: stats.trained.steps,
                 psnr_db: stats.trained.psnr_db,
@@ -138,6 +136,15 @@ impl Outcome {
             omitted: count(stats),
             per_tile: header.places().zip(payloads.iter().zip(stats)).map(tile).collect(),
         }
+    }
+}
+
+/// What a tile has, as text.
+fn contents(header: &Header, payload: &Payload) -> Option<String> {
+    let word = (!payload.maps.bytes.is_empty()).then_some(payload.maps.word)?;
+    match header.coding {
+        MapCoding::Neural => Contents::of_word(word).map(|contents| contents.to_string()),
+        MapCoding::Basis => Some(dataset::observe::count(word as usize, "plane")),
     }
 }
 

@@ -101,8 +101,8 @@ impl Part {
         let (word, rest) = rest.split_first_chunk::<4>()?;
         let (length, rest) = rest.split_first_chunk::<8>()?;
         let (bytes, resident) = rest.split_at_checked(u64::from_le_bytes(*length).try_into().ok()?)?;
-        let ndgi = Section { word: u32::from_le_bytes(*word), bytes: bytes.to_vec() };
-        let payload = Payload { ndgi, resident: resident.to_vec(), ..Payload::default() };
+        let maps = Section { word: u32::from_le_bytes(*word), bytes: bytes.to_vec() };
+        let payload = Payload { maps, resident: resident.to_vec(), ..Payload::default() };
         let (made_from, result) = serde_json::from_slice(stats).ok()?;
         Some(Kept { payload, result, made_from })
     }
@@ -125,7 +125,7 @@ impl Part {
         let stats = serde_json::to_vec(&(made_from, result))
             .map_err(|error| Error::invalid(path.display(), error))?;
         let length = (stats.len() as u64).to_le_bytes();
-        let Section { word, bytes } = &payload.ndgi;
+        let Section { word, bytes } = &payload.maps;
         let of_bytes = (bytes.len() as u64).to_le_bytes();
         let rest = [&length[..], &stats, &word.to_le_bytes(), &of_bytes, bytes, &payload.resident].concat();
         let sum = bundle::checksum(&[key.as_bytes(), &rest]).to_le_bytes();
@@ -281,8 +281,8 @@ mod tests {
             },
             seconds: 1.5,
         };
-        let ndgi = Section { word: 0x1234_5678, bytes: b"payload".to_vec() };
-        let payload = Payload { ndgi, resident: b"resident".to_vec(), ..Payload::default() };
+        let maps = Section { word: 0x1234_5678, bytes: b"payload".to_vec() };
+        let payload = Payload { maps, resident: b"resident".to_vec(), ..Payload::default() };
         assert!(!part.wrote("k"));
         part.write("k", &payload, &stats, Some("light")).unwrap();
         assert!(part.wrote("k"));

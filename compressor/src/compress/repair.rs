@@ -2,7 +2,7 @@
 
 use super::job::Job;
 use super::part::Part;
-use crate::bundle::{Bundle, Header, Section, checksum};
+use crate::bundle::{Bundle, Header, MapCoding, Section, checksum};
 use crate::grid::Place;
 use crate::model::Contents;
 use crate::{Error, Result, of_bundle};
@@ -47,11 +47,16 @@ pub(super) fn repair(
 
     let mut tiles = job.tiles(header, part);
     tiles.is_verified = true;
-    let features: Vec<Place> = places.iter().filter(|place| bundle.tile(**place).is_err()).copied().collect();
-    let contents = |place: &Place| entry(place).and_then(|entry| Contents::of_word(entry.ndgi.word));
+    let features: Vec<Place> =
+        places.iter().filter(|place| bundle.verify_maps(**place).is_err()).copied().collect();
+    if header.coding == MapCoding::Basis {
+        // (The step that a target chose.)
+        tiles.chosen(console)?;
+    }
+    let contents = |place: &Place| entry(place).and_then(|entry| Contents::of_word(entry.maps.word));
     for (place, payload) in features.iter().zip(tiles.again(&features, contents, console)?) {
         if let Some(entry) = entry(place) {
-            put(&entry.ndgi, &payload.ndgi);
+            put(&entry.maps, &payload.maps);
         }
     }
     let of_sun = |place: &&Place| bundle.sun_sections(**place).is_err();

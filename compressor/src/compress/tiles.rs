@@ -7,8 +7,10 @@ use super::pace::{self, Pace};
 use super::part::{Kept, Part};
 use super::shard::{self, Notes};
 use super::stats::TileStats;
+use super::steps;
 use super::{Options, Rate};
-use crate::bundle::{self, Header, Payload};
+use crate::basis::FittedTile;
+use crate::bundle::{self, Header, MapCoding, Payload};
 use crate::clock::Clock;
 use crate::grid::Place;
 use crate::lanes::Tier;
@@ -26,6 +28,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::collections::BTreeMap;
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
@@ -106,6 +109,8 @@ pub(super) struct Tiles<'a> {
     pub recipe: &'a str,
     /// True once the dataset's checksums are verified.
     pub is_verified: bool,
+    /// With [`MapCoding::Basis`], the step of all tiles once it is known.
+    pub step: OnceLock<u8>,
     pub bytes_of_sun: u64,
     /// When training is to end.
     pub deadline: Option<Instant>,
@@ -154,8 +159,19 @@ impl Tiles<'_> {
     fn known_choice(&self) -> Option<Vec<Option<Contents>>> {
         match self.options.rate {
             Rate::Usual | Rate::Profile(_) => Some(Vec::new()),
-            _ => self.part.read::<Choice>(&self.choice_key()).map(|kept| kept.result.contents()),
+            _ => self.part.read::<Choice>(&self.choice_key()).map(|kept| self.taken(&kept.result)),
         }
+    }
+
+    /// The configurations of a choice; with planes, its step is taken for all tiles.
+    fn taken(&self, choice: &Choice) -> Vec<Option<Contents>> {
+        if self.options.coding == MapCoding::Neural {
+            return choice.contents();
+        }
+        if let Some(step) = choice.words.iter().flatten().next() {
+            self.step.get_or_init(|| *step as u8);
+        }
+        Vec::new()
     }
 
     /// The tiles that have a valid texel, in the order of the index.
@@ -353,7 +369,7 @@ impl Tiles<'_> {
         }
         if let Some(Kept { result: choice, .. }) = self.part.read::<Choice>(&self.choice_key()) {
             self.part.adopt(&choice.files);
-            return Ok((choice.contents(), choice.trial_seconds));
+            return Ok((self.taken(&choice), choice.trial_seconds));
         }
         let finished = |place: Place| match tile::valid_texels(&self.masks[place.page], place) {
             0 => Some(TileTrials::default()),
@@ -366,6 +382,17 @@ impl Tiles<'_> {
         let work = |place: Place, band: &Band| self.try_tile(place, band);
         let trial_fits = self.each_tile(console, "trying", finished, work, |_| None)?;
         let (trials, seconds): (Vec<Vec<TrialFit>>, Vec<f64>) = trial_fits.into_iter().unzip();
+        if self.options.coding == MapCoding::Basis {
+            let step = match self.options.rate {
+                Rate::Psnr(db) => steps::for_psnr(&trials, db),
+                Rate::Bpp(bpp) => steps::for_bytes(&trials, self.bytes_of_maps(bpp)?),
+                Rate::Usual | Rate::Profile(_) => steps::USUAL,
+            };
+            let words = vec![Some(u32::from(step)); self.header.tiles()];
+            let choice = Choice { words, trial_seconds: seconds.iter().sum(), files: self.part.own() };
+            self.part.write(&self.choice_key(), &Payload::default(), &choice, None)?;
+            return Ok((self.taken(&choice), choice.trial_seconds));
+        }
         let contents = |tile: usize, at: Option<usize>| {
             at.and_then(|at| trials[tile].get(at)).and_then(|trial| Contents::of_word(trial.word))
         };
@@ -387,8 +414,13 @@ impl Tiles<'_> {
     /// Makes a tile's trial fits and stores them.
     fn try_tile(&self, place: Place, band: &Band) -> Result<TileTrials> {
         let clock = Clock::start();
-        let trials = train::trials(&band.tile(place.column), self.recipe(place).seed)
-            .map_err(|error| of_tile(place, error))?;
+        let trials = match self.options.coding {
+            MapCoding::Neural => train::trials(&band.tile(place.column), self.recipe(place).seed),
+            MapCoding::Basis => FittedTile::new(band, place.column, self.law, self.header)
+                .and_then(|tile| tile.trials(&steps::TRIED))
+                .map_err(|what| Error::invalid("tile", what)),
+        };
+        let trials = trials.map_err(|error| of_tile(place, error))?;
         let trial_fits = (trials, clock.seconds());
         self.part.write(&self.trial_key(place), &Payload::default(), &trial_fits, self.made_from(band))?;
         Ok(trial_fits)
@@ -478,11 +510,15 @@ impl Tiles<'_> {
 
     /// The bytes that a rate in bits per texel and frame leaves for the features of all tiles.
     fn bytes(&self, bpp: f64) -> Result<Goal> {
+        Ok(Goal::Bytes(self.bytes_of_maps(bpp)?))
+    }
+
+    fn bytes_of_maps(&self, bpp: f64) -> Result<u64> {
         let none = vec![Payload::default(); self.header.tiles()];
         let header = bundle::encode(self.header, &none).map_err(of_bundle)?.len() as f64;
         let texels: f64 = self.header.pages.iter().map(|page| page.width as f64 * page.height as f64).sum();
         let bytes = bpp * texels * self.header.timeline.hours.len() as f64 / 8.0;
-        Ok(Goal::Bytes((bytes - header - self.bytes_of_sun as f64).max(0.0) as u64))
+        Ok((bytes - header - self.bytes_of_sun as f64).max(0.0) as u64)
     }
 
     /// Runs `work` on every tile that is not `finished`, in parallel; the results are in the order of the
@@ -586,22 +622,30 @@ impl Tiles<'_> {
         let Recipe { iterations, passes, aim, .. } = self.recipe(place);
         let limit = self.options.time_limit;
         let has = match (self.options.rate, contents) {
+            _ if self.options.coding == MapCoding::Basis => json!(["basis", self.step()]),
             (Rate::Profile(profile), _) => json!(profile.name),
             (_, contents) => json!(contents.and_then(|contents| contents.word())),
         };
         self.name(place, &json!(["tile", has, iterations, passes, limit, format!("{aim:?}")]))
     }
 
+    /// The step of all tiles' planes.
+    fn step(&self) -> u8 {
+        self.step.get().copied().unwrap_or(steps::USUAL)
+    }
+
     /// The same for its trial fits.
     fn trial_key(&self, place: Place) -> String {
-        self.name(place, &json!(["trials"]))
+        self.name(place, &json!(["trials", format!("{:?}", self.options.coding)]))
     }
 
     /// The name of the file with the chosen configurations. (Bits per texel also count the sun's stream, so
     /// all of the dataset decides.)
     fn choice_key(&self) -> String {
-        let Options { rate, iterations, passes, seed, without_sun, still_shadows, .. } = *self.options;
-        let options = json!([format!("{rate:?}"), iterations, passes, seed, without_sun, still_shadows]);
+        let Options { coding, rate, iterations, passes, seed, without_sun, still_shadows, .. } =
+            *self.options;
+        let options =
+            json!([format!("{coding:?} {rate:?}"), iterations, passes, seed, without_sun, still_shadows]);
         let files: Vec<Digest> = self.dataset.files().map(|file| file.blake3).collect();
         self.name(Place { page: 0, column: 0, row: 0 }, &json!(["choice", options, files]))
     }
@@ -619,6 +663,9 @@ impl Tiles<'_> {
         band: &Band,
         iterations: usize,
     ) -> Result<Tile> {
+        if self.options.coding == MapCoding::Basis {
+            return self.encode(place, band);
+        }
         let clock = Clock::start();
         let (source, recipe) = (band.tile(place.column), Recipe { iterations, ..self.recipe(place) });
         let trained = match (self.options.rate, contents) {
@@ -643,6 +690,32 @@ impl Tiles<'_> {
             seconds: clock.seconds(),
         };
         Ok(Tile { payload, stats, resumed: false })
+    }
+}
+
+impl Tiles<'_> {
+    /// Encodes a tile as planes.
+    fn encode(&self, place: Place, band: &Band) -> Result<Tile> {
+        let clock = Clock::start();
+        let faulty = |what| of_tile(place, Error::invalid("tile", what));
+        let fitted = FittedTile::new(band, place.column, self.law, self.header).map_err(faulty)?;
+        let tile = fitted.encoded(self.step()).map_err(faulty)?;
+        let mut payload = Payload::default();
+        let mut omitted = Vec::new();
+        if tile.section.bytes.is_empty() {
+            omitted.push("black in every frame".to_owned());
+        } else {
+            payload.resident = bundle::encode_brightness(&fitted.brightness).map_err(faulty)?;
+            payload.maps = tile.section;
+        }
+        let trained = TrainedTile {
+            psnr_db: tile.psnr_db,
+            error: Some(tile.error.0),
+            omitted,
+            ..TrainedTile::default()
+        };
+        let texels = tile::valid_texels(&self.masks[place.page], place);
+        Ok(Tile { payload, stats: TileStats { texels, trained, seconds: clock.seconds() }, resumed: false })
     }
 }
 

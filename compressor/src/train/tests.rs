@@ -403,7 +403,7 @@ fn a_few_texels_store_only_the_blocks_that_they_read() {
     // Four blocks of F_uv; 2 × 2 texels of F_uvt and their neighbours in each slice.
     assert_eq!(there(&stored.f_uv), 4);
     assert!((1..=20).contains(&there(&stored.f_uvt)), "{}", there(&stored.f_uvt));
-    let bytes = crate::bundle::encode_payload(&stored).unwrap().ndgi.bytes.len();
+    let bytes = crate::bundle::encode_payload(&stored).unwrap().maps.bytes.len();
     let read = [there(&stored.f_uv), there(&stored.f_uvt)];
     assert_eq!(bytes, crate::bundle::blocks_len(&stored.shape, read));
     assert!(bytes < crate::bundle::full_len(&stored.shape) / 3, "{bytes}");

@@ -1,7 +1,7 @@
 //! The tiles of a scene at all levels, and their mean light, which is known without reading one.
 
 use crate::{Error, Result};
-use ndgi::Bundle;
+use ndgi::bundle::{Bundle, MapCoding};
 use ndgi::grid::{Grid, Place};
 use ndgi::model::{Contents, Knot};
 use ndgi::time::TimePoint;
@@ -95,6 +95,11 @@ impl Pyramid {
         let (mut levels, mut tiles) = (Vec::new(), Vec::new());
         for (level, bundle) in bundles.iter().enumerate() {
             let header = &bundle.header;
+            if header.coding != MapCoding::Neural {
+                return Err(Error::Invalid(format!(
+                    "level {level} has planes (coding basis), which are not streamed yet; compress with --coding neural"
+                )));
+            }
             let halved = |side: usize| side.div_ceil(1 << level);
             let of_level = |grid: &Grid| Grid { width: halved(grid.width), height: halved(grid.height) };
             let expected: Vec<Grid> = finest.header.pages.iter().map(of_level).collect();
@@ -121,7 +126,7 @@ impl Pyramid {
             }
             levels.push(Level::new(bundle, tiles.len() as u32)?);
             for entry in &bundle.index {
-                let contents = Contents::of_word(entry.ndgi.word).filter(|_| entry.ndgi.length > 0);
+                let contents = Contents::of_word(entry.maps.word).filter(|_| entry.maps.length > 0);
                 tiles.push(Facts {
                     has_maps: contents.is_some(),
                     has_sun: entry.sun.length > 0,

@@ -338,7 +338,7 @@ fn a_tile_damaged_while_streaming_is_reported_once_and_the_rest_continues() {
     let rots = Arc::new(AtomicBool::new(false));
     let bundle = |level: usize| {
         let of = sound.bundle(level);
-        let offset = if level == 0 { of.index[damaged.0 as usize].ndgi.offset } else { u64::MAX };
+        let offset = if level == 0 { of.index[damaged.0 as usize].maps.offset } else { u64::MAX };
         let source = Rotting(of.repeated(1).unwrap(), Arc::clone(&rots), offset);
         Arc::new(Bundle::from_source(source).unwrap())
     };

@@ -226,6 +226,9 @@ fn bundles_that_are_no_levels_and_budgets_of_nothing_are_refused() {
     let levels = [0, 1].map(|level| Arc::clone(pyramid.bundle(level)));
     let error = Pyramid::new(vec![Arc::clone(&levels[0]), Arc::clone(&levels[0])]).unwrap_err().to_string();
     assert!(error.contains("level 1 has page 0 of 700 × 400 texels; expected 350 × 200"), "{error}");
+    let planes = ndgi::Bundle::from_bytes(ndgi::testing::basis_bundle()).unwrap();
+    let error = Pyramid::new(vec![Arc::new(planes)]).unwrap_err().to_string();
+    assert!(error.contains("planes (coding basis)") && error.contains("--coding neural"), "{error}");
     assert!(Pyramid::new(Vec::new()).is_err());
     assert!(Pyramid::new(levels.to_vec()).is_ok());
     for budgets in [
@@ -261,7 +264,7 @@ fn sunlit(pyramid: &Arc<Pyramid>) -> Tile {
     let bundle = pyramid.bundle(0);
     let has_both = |tile: &Tile| {
         let entry = &bundle.index[tile.0 as usize];
-        entry.sun.length > 0 && entry.ndgi.length > 0
+        entry.sun.length > 0 && entry.maps.length > 0
     };
     common::lit(pyramid).find(has_both).unwrap()
 }

@@ -126,12 +126,16 @@ pub fn python() -> Option<String> {
     works.then_some(python)
 }
 
-pub fn read(python: &str, bundle: &Path, arguments: &[&str]) -> (Output, PathBuf) {
-    let out = bundle.with_extension("npy");
+/// The second reader.
+pub fn script() -> PathBuf {
     // (The tests of the command have their own folder.)
     let mut folders =
         Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().map(|f| f.join("python/read_ndgi.py"));
-    let script = folders.find(|script| script.exists()).unwrap();
+    folders.find(|script| script.exists()).unwrap()
+}
+
+pub fn read(python: &str, bundle: &Path, arguments: &[&str]) -> (Output, PathBuf) {
+    let (out, script) = (bundle.with_extension("npy"), script());
     let mut command = Command::new(python);
     command
         .env("PYTHONDONTWRITEBYTECODE", "1")
@@ -159,19 +163,20 @@ pub fn image(path: &Path) -> Image {
     Image { width: shape[1], height: shape[0], texels }
 }
 
-/// Largest difference of two pages in units of FORMAT.md's max(E, mean / 100).
-pub fn difference(decoder: &Decoder, hour: f64, found: &Image) -> f64 {
-    let expected = decoder.decode_page(0, hour).unwrap();
+/// Largest difference of a page in units of FORMAT.md's max(E, mean / 100); lamps that are apart are not in
+/// the mean.
+pub fn difference(decoder: &Decoder, page: usize, hour: f64, found: &Image) -> f64 {
+    let expected = decoder.decode_page(page, hour).unwrap();
     assert_eq!((found.width, found.height), (expected.width, expected.height));
-    let point = decoder.bundle().header.timeline.at(hour);
+    let point = decoder.bundle().maps_timeline().at(hour);
     let mut worst = 0.0f64;
     for row in 0..expected.height.div_ceil(PAYLOAD) {
         for column in 0..expected.width.div_ceil(PAYLOAD) {
-            let tile = decoder.tile(Place { page: 0, column, row }).unwrap();
+            let knots = &decoder.bundle().brightness(Place { page, column, row }).unwrap().knots;
             let mean = |c: usize| {
                 let share = point.fraction as f32;
-                let [a, b] = point.knots;
-                tile.as_ref().map_or(0.0, |t| (1.0 - share) * t.knots[a].mean[c] + share * t.knots[b].mean[c])
+                let [a, b] = point.knots.map(|knot| knots.get(knot).map_or(0.0, |knot| knot.mean[c]));
+                (1.0 - share) * a + share * b
             };
             for y in row * PAYLOAD..((row + 1) * PAYLOAD).min(expected.height) {
                 for x in column * PAYLOAD..((column + 1) * PAYLOAD).min(expected.width) {

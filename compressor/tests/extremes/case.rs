@@ -1,6 +1,7 @@
 //! A case: a page of given light through `compress`, and back from its bundle. Whatever the case, the bundle
 //! is whole and any time of the day decodes to finite light.
 
+use compressor::bundle::MapCoding;
 use compressor::compress::{Options, Outcome, compress};
 use compressor::decode::Decoder;
 use compressor::evaluate::{Evaluation, Measures, evaluate};
@@ -25,6 +26,7 @@ pub struct Case<'a> {
     pub light: Light<'a>,
     pub iterations: usize,
     pub seed: u64,
+    pub coding: MapCoding,
 }
 
 /// What came of it.
@@ -56,6 +58,7 @@ impl<'a> Case<'a> {
             light: Box::new(light),
             iterations: 400,
             seed: Options::default().seed,
+            coding: MapCoding::Neural,
         }
     }
 
@@ -123,12 +126,13 @@ impl<'a> Case<'a> {
     pub fn run(&self) -> Result {
         let folder = tempfile::tempdir().unwrap();
         self.write(folder.path());
-        let options = Options { iterations: self.iterations, seed: self.seed, ..Options::default() };
+        let (iterations, seed, coding) = (self.iterations, self.seed, self.coding);
+        let options = Options { iterations, seed, coding, ..Options::default() };
         let outcome = compress(folder.path(), &options, &Silent).unwrap();
         let decoder = Decoder::open(&outcome.bundle).unwrap();
         let dataset = Dataset::open(folder.path()).unwrap();
         let evaluation = evaluate(&dataset, &decoder, Measures::default(), &Silent).unwrap();
-        for place in decoder.bundle().header.places() {
+        for place in decoder.bundle().header.places().filter(|_| self.coding == MapCoding::Neural) {
             if let Some(tile) = decoder.tile(place).unwrap() {
                 assert!(tile.knots.iter().flat_map(|knot| knot.mean).all(|m| m.is_finite() && m >= 0.0));
                 assert!(tile.mlp.iter().all(|w| w.is_finite()));

@@ -166,7 +166,7 @@ fn bundles_that_are_damaged_or_of_other_light_are_refused_and_found() {
     refused(b"bundle", "cut short");
     refused(&[0; 100], "does not begin with the magic bytes");
     let whole = bundle_of(&light);
-    for version in [3, 5] {
+    for version in [4, 6] {
         let mut other = whole.clone();
         other[8] = version;
         refused(&other, &format!("bundle version {version}"));
@@ -174,9 +174,9 @@ fn bundles_that_are_damaged_or_of_other_light_are_refused_and_found() {
     refused(&whole[..whole.len() - 1], "cut short, or damaged");
     // A flipped bit in the header, the resident block, features, the sun's sections, the last of them.
     let opened = ndgi::Bundle::from_bytes(whole.clone()).unwrap();
-    let lit = opened.index.iter().find(|entry| entry.ndgi.length > 0 && entry.shadows.length > 0).unwrap();
-    let resident = opened.index[0].ndgi.offset - opened.bytes_resident;
-    for at in [100, resident, lit.ndgi.offset, lit.sun.offset, lit.shadows.offset, opened.bytes - 1] {
+    let lit = opened.index.iter().find(|entry| entry.maps.length > 0 && entry.shadows.length > 0).unwrap();
+    let resident = opened.index[0].maps.offset - opened.bytes_resident;
+    for at in [100, resident, lit.maps.offset, lit.sun.offset, lit.shadows.offset, opened.bytes - 1] {
         let mut damaged = whole.clone();
         damaged[at as usize] ^= 1;
         refused(&damaged, "damaged");

@@ -317,8 +317,8 @@ fn mend_index(bytes: &mut [u8], head: usize, end_of_index: usize, streams: usize
             .map_or(0, |four| u32::from_le_bytes([four[0], four[1], four[2], four[3]]) as usize)
     };
     let (size, mut end) = (8 + 16 * streams, bytes.len());
-    let (mut line, mut lit) = (end_of_index, 0);
-    while line >= 80 + size {
+    let mut line = end_of_index;
+    while line >= 72 + size {
         let at = line - size;
         let lengths: usize = (0..streams).map(|i| number(bytes, at + 8 + 16 * i)).sum();
         let offset = number(bytes, at);
@@ -334,14 +334,18 @@ fn mend_index(bytes: &mut [u8], head: usize, end_of_index: usize, streams: usize
             }
             section += length;
         }
-        lit += usize::from(number(bytes, at + 8) > 0);
         (line, end) = (at, offset);
     }
-    // A line of the resident block for each tile with features, 8 bytes and as many for each knot.
-    let resident = head + lit * 8 * (1 + number(bytes, 40) + number(bytes, 44));
-    if line < end_of_index && resident <= end {
-        let sum = checksum(&[&bytes[head..resident]]);
-        bytes[72..80].copy_from_slice(&sum.to_le_bytes());
+    // The resident block fills what is between the header and the first payload, if it is the only section of
+    // the file: its line of the table has kind 0, flags 1 and a length, then the checksum.
+    let room = end.saturating_sub(head);
+    for at in 72..head.saturating_sub(24) {
+        let length = number(bytes, at + 8);
+        let is_line = bytes[at..at + 8] == [0, 0, 0, 0, 1, 0, 0, 0] && number(bytes, at + 12) == 0;
+        if line < end_of_index && is_line && length.checked_next_multiple_of(16) == Some(room) {
+            let sum = checksum(&[&bytes[head..head + length]]);
+            bytes[at + 16..at + 24].copy_from_slice(&sum.to_le_bytes());
+        }
     }
 }
 
@@ -352,7 +356,7 @@ fn mend(bytes: &mut [u8]) {
         Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?) as usize)
     };
     let whole = bytes.len() as u64;
-    let Some(head) = number(bytes, 12).filter(|&head| (80..=bytes.len()).contains(&head)) else { return };
+    let Some(head) = number(bytes, 12).filter(|&head| (72..=bytes.len()).contains(&head)) else { return };
     bytes[16..24].copy_from_slice(&whole.to_le_bytes());
     // The index ends the header but for some padding. Payloads lie one after another, so the last line's ends
     // with the file.

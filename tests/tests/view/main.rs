@@ -263,7 +263,8 @@ fn three_js_shows_the_light_of_the_guide() {
     let text = |path: &str| std::fs::read_to_string(root.join(path)).unwrap();
     let guide = text("INTEGRATION.md");
     let (module, _) = guide.split_once("```js\n").unwrap().1.split_once("```").unwrap();
-    let scripts: String = ["view/bundle.js", "view/tile.js", "view/sun.js"].map(text).concat();
+    let scripts = ["view/bundle.js", "view/tile.js", "view/planes.js", "view/sun.js"];
+    let scripts: String = scripts.map(text).concat();
     let html = format!(
         "<!doctype html><html><head><link rel=icon href='data:,'></head><body><script>{scripts}</script>\
          <script type=importmap>{{\"imports\":{{\"three\":\"/file/three.module.js\"}}}}</script>\

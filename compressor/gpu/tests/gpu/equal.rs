@@ -27,6 +27,15 @@ fn bundles() -> Vec<(String, Vec<u8>)> {
 }
 
 #[test]
+fn bundles_of_planes_are_refused_with_what_to_do() {
+    let (_turn, Some(gpu)) = (TURN.lock(), gpu()) else { return };
+    let bundle = Bundle::from_bytes(testing::basis_bundle()).unwrap();
+    let refused =
+        Decoder::new(&gpu.device, &gpu.queue, bundle, Options::default()).err().unwrap().to_string();
+    assert!(refused.contains("planes (coding basis)") && refused.contains("--coding neural"), "{refused}");
+}
+
+#[test]
 fn pages_are_those_of_the_cpu() {
     let (_turn, Some(gpu)) = (TURN.lock(), gpu()) else { return };
     for (name, bytes) in &bundles() {
@@ -295,8 +304,8 @@ fn changed_bundles_are_errors_or_light() {
         let mut bad = payloads.clone();
         for _ in 0..1 + random.below(3) {
             let payload = random.below(bad.len());
-            let Payload { ndgi, sun, shadows, .. } = &mut bad[payload];
-            let section = [ndgi, sun, shadows].into_iter().nth(random.below(3)).unwrap();
+            let Payload { maps, sun, shadows, .. } = &mut bad[payload];
+            let section = [maps, sun, shadows].into_iter().nth(random.below(3)).unwrap();
             if !section.bytes.is_empty() {
                 let near =
                     if random.below(2) == 0 { 60.min(section.bytes.len()) } else { section.bytes.len() };

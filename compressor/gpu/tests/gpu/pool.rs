@@ -353,8 +353,8 @@ fn damaged_tiles_and_wrong_use_leave_the_pool_as_it_was() {
     let (header, mut payloads) = testing::sunny();
     // One tile whose weights are no numbers, and one whose shadows are damaged, which only their interval
     // tells.
-    let weights = payloads[3].ndgi.bytes.len();
-    payloads[3].ndgi.bytes[weights - 200..weights - 100].fill(0xff);
+    let weights = payloads[3].maps.bytes.len();
+    payloads[3].maps.bytes[weights - 200..weights - 100].fill(0xff);
     let end = payloads[5].shadows.bytes.len();
     payloads[5].shadows.bytes[end - 60..].fill(0xff);
     let damaged = opened(bundle::encode(&header, &payloads).unwrap());
@@ -474,8 +474,8 @@ fn changed_tiles_are_errors_or_light() {
     for _ in 0..40 {
         // Sections are changed before their checksums are made.
         let mut bad = payloads.clone();
-        for Payload { ndgi, sun, shadows, .. } in &mut bad {
-            let section = [ndgi, sun, shadows].into_iter().nth(random.below(3)).unwrap();
+        for Payload { maps, sun, shadows, .. } in &mut bad {
+            let section = [maps, sun, shadows].into_iter().nth(random.below(3)).unwrap();
             if !section.bytes.is_empty() {
                 let near = [60.min(section.bytes.len()), section.bytes.len()][random.below(2)];
                 section.bytes[random.below(near)] = random.byte();

@@ -1,8 +1,8 @@
 //! The header's bytes and the index that ends it.
 
 use super::{
-    ALIGN, Entry, FIXED, Header, MAGIC, MAX_HEADER, MAX_SIDE, PageKind, Part, Payload, Section, VERSION,
-    checksum, resident,
+    ALIGN, Entry, FIXED, Header, MAGIC, MAX_HEADER, MAX_SIDE, MapCoding, PageKind, Part, Payload, Section,
+    VERSION, checksum, resident,
 };
 use crate::grid::Grid;
 use crate::model::{BORDER, STORED};
@@ -13,11 +13,16 @@ use crate::{Error, Result};
 /// Bytes of a tile's and of a section's part of one line of the index.
 const ENTRY: usize = 8;
 const SECTION: usize = 16;
-/// The streams that this crate knows: features and decoder, the sun, how its shadows move.
-const NDGI: u32 = 0;
+/// The streams that this crate knows: features and decoder, the sun, how its shadows move, planes.
+const FEATURES: u32 = 0;
 const SUN: u32 = 1;
 const SHADOWS: u32 = 2;
-/// The flag of a stream without which a bundle must not be decoded.
+const PLANES: u32 = 3;
+/// The sections of the whole file that this crate knows: how bright tiles are.
+const RESIDENT: u32 = 0;
+/// Bytes of a line of the table of those sections.
+const TABLE_LINE: usize = 24;
+/// The flag of a stream or section without which a bundle must not be decoded.
 const REQUIRED: u32 = 1;
 
 /// The header with its index, padded, and the resident block; payloads follow it directly, in order.
@@ -27,16 +32,19 @@ pub(super) fn encode(header: &Header, payloads: &[Payload]) -> Result<Vec<u8>> {
     let u32_ = |out: &mut Vec<u8>, n: usize| out.extend((n as u32).to_le_bytes());
     let time = &header.timeline;
     let resident: Vec<u8> = payloads.iter().flat_map(|payload| payload.resident.iter().copied()).collect();
-    let streams = [[NDGI, 0, REQUIRED], [SUN, 0, 0], [SHADOWS, 0, 0]];
+    let maps = match header.coding {
+        MapCoding::Neural => FEATURES,
+        MapCoding::Basis => PLANES,
+    };
+    let streams = [[maps, 0, REQUIRED], [SUN, 0, 0], [SHADOWS, 0, 0]];
     let streams = &streams[..1 + usize::from(header.sun.is_some()) + usize::from(header.shadows)];
     let (path, visible) = header.sun.as_ref().map_or((0, 0), |sun| (sun.path.hours.len(), sun.times.len()));
     for n in [STORED, BORDER, time.hours.len(), time.between.len(), header.pages.len(), header.groups.len()] {
         u32_(&mut out, n);
     }
-    for n in [streams.len(), path, visible, 0] {
+    for n in [streams.len(), path, visible, 1] {
         u32_(&mut out, n);
     }
-    out.extend(checksum(&[&resident]).to_le_bytes());
     for text in [&header.scene, &header.info] {
         u32_(&mut out, text.len());
         out.extend(text.as_bytes());
@@ -53,8 +61,11 @@ pub(super) fn encode(header: &Header, payloads: &[Payload]) -> Result<Vec<u8>> {
         u32_(&mut out, on.len());
         out.extend(on.iter().flatten().flat_map(|hour| hour.to_le_bytes()));
         out.extend(time.states.iter().map(|state| u8::from(state[group])));
+        out.push(u8::from(header.apart[group]));
     }
     out.extend(streams.iter().flatten().flat_map(|n| n.to_le_bytes()));
+    out.extend([RESIDENT, REQUIRED].iter().flat_map(|n| n.to_le_bytes()));
+    out.extend([resident.len() as u64, checksum(&[&resident])].iter().flat_map(|n| n.to_le_bytes()));
     if let Some(Sun { path, times, tables }) = &header.sun {
         out.extend(path.hours.iter().chain(times).flat_map(|hour| hour.to_le_bytes()));
         let vectors = path.direction.iter().chain(&path.irradiance);
@@ -70,7 +81,7 @@ pub(super) fn encode(header: &Header, payloads: &[Payload]) -> Result<Vec<u8>> {
     for payload in payloads {
         out.extend(offset.to_le_bytes());
         for Section { word, bytes } in
-            [&payload.ndgi, &payload.sun, &payload.shadows].into_iter().take(streams.len())
+            [&payload.maps, &payload.sun, &payload.shadows].into_iter().take(streams.len())
         {
             u32_(&mut out, bytes.len());
             out.extend(word.to_le_bytes());
@@ -130,7 +141,7 @@ pub(super) fn check_start(start: &[u8], file_bytes: u64, name: &str) -> Result<u
 pub(super) struct Read {
     pub header: Header,
     pub index: Vec<Entry>,
-    /// Sections of streams that are not known.
+    /// Sections of tiles and of the whole file that are not known.
     pub unknown: Vec<Part>,
     /// The resident block's place and checksum.
     pub resident: Part,
@@ -161,10 +172,7 @@ pub(super) fn decode(bytes: &[u8], file_bytes: u64, name: &str) -> Result<Read> 
     let streams = cursor.count("streams", 12)?;
     let path = cursor.count("times of the sun's path", 32)?;
     let visible = cursor.count("times of visibility", 8)?;
-    if cursor.u32("zero")? != 0 {
-        return Err(wrong(format!("byte {}: expected 0", cursor.at - 4)));
-    }
-    let sum = u64::from_le_bytes(cursor.array("checksum of the resident block")?);
+    let sections = cursor.count("sections of the file", TABLE_LINE)?;
     let (scene, info) = (cursor.text("scene")?, cursor.text("info")?);
     cursor.has(pages, 8, "pages")?;
     let (mut grids, mut kinds) = (Vec::with_capacity(pages), Vec::with_capacity(pages));
@@ -182,22 +190,20 @@ pub(super) fn decode(bytes: &[u8], file_bytes: u64, name: &str) -> Result<Read> 
     let coding = Coding::Standard;
     let mut timeline = Timeline { hours, between, intervals: Vec::new(), states: Vec::new(), coding };
     timeline.states.resize(frames, Vec::new());
-    let mut names = Vec::new();
+    let (mut names, mut apart) = (Vec::new(), Vec::new());
     for _ in 0..groups {
         names.push(cursor.text("group name")?);
         let intervals = cursor.u32("intervals")? as usize;
         cursor.has(intervals, 16, "intervals")?;
         timeline.intervals.push(cursor.doubles(2 * intervals, "intervals")?.as_chunks::<2>().0.to_vec());
         for state in &mut timeline.states {
-            match cursor.array::<1>("state")? {
-                [flag @ (0 | 1)] => state.push(flag == 1),
-                [flag] => {
-                    return Err(wrong(format!("byte {}: state {flag}; expected 0 or 1", cursor.at - 1)));
-                }
-            }
+            state.push(cursor.flag("state")?);
         }
+        apart.push(cursor.flag("whether a light group is apart")?);
     }
     let kinds_of_streams = cursor.streams(streams)?;
+    let mut unknown = Vec::new();
+    let (resident, end) = cursor.sections(sections, &mut unknown)?;
     let mut sun = None;
     if path > 0 || visible > 0 {
         let (hours, times) = (cursor.doubles(path, "sun's path")?, cursor.doubles(visible, "visibility")?);
@@ -214,11 +220,15 @@ pub(super) fn decode(bytes: &[u8], file_bytes: u64, name: &str) -> Result<Read> 
         ));
     }
     let shadows = kinds_of_streams.contains(&SHADOWS);
-    let header = Header { scene, info, pages: grids, kinds, groups: names, timeline, sun, shadows };
+    let coding = match kinds_of_streams.contains(&PLANES) {
+        true => MapCoding::Basis,
+        false => MapCoding::Neural,
+    };
+    let header =
+        Header { scene, info, pages: grids, kinds, groups: names, apart, timeline, coding, sun, shadows };
     check(&header).map_err(wrong)?;
-    let mut unknown = Vec::new();
-    let (index, resident) =
-        decode_index(&mut cursor, &header, &kinds_of_streams, sum, file_bytes, &mut unknown)?;
+    let index =
+        decode_index(&mut cursor, &header, &kinds_of_streams, [end, file_bytes], &resident, &mut unknown)?;
     if cursor.bytes.len() - cursor.at >= ALIGN || cursor.bytes[cursor.at..].iter().any(|&byte| byte != 0) {
         return Err(wrong(format!(
             "byte {}: only zeros up to the next multiple of {ALIGN} may follow the index",
@@ -228,32 +238,29 @@ pub(super) fn decode(bytes: &[u8], file_bytes: u64, name: &str) -> Result<Read> 
     Ok(Read { header, index, unknown, resident })
 }
 
-/// The index: payloads lie one after another behind the resident block, each a section per stream, and end
-/// with the file.
+/// The index: payloads lie one after another behind the sections of the file, which end at the first of
+/// `extent`, each a section per stream, up to its second.
 fn decode_index(
     cursor: &mut Cursor,
     header: &Header,
     streams: &[u32],
-    checksum: u64,
-    file_bytes: u64,
+    extent: [u64; 2],
+    resident: &Part,
     unknown: &mut Vec<Part>,
-) -> Result<(Vec<Entry>, Part)> {
+) -> Result<Vec<Entry>> {
     let line = ENTRY + SECTION * streams.len();
     cursor.has(header.tiles(), line, "tiles")?;
-    // How long the resident block is, the features of the tiles tell.
-    let ndgi = streams.iter().position(|&stream| stream == NDGI).unwrap_or_default();
+    // How long the resident block is, the maps of the tiles tell.
+    let maps = streams.iter().position(|&stream| is_maps(stream)).unwrap_or_default();
     let lengths = cursor.bytes[cursor.at..].chunks_exact(line).take(header.tiles());
-    let lit = lengths.filter(|line| line[ENTRY + SECTION * ndgi..][..4] != [0; 4]).count();
-    let length = lit * resident::len(header.knots());
-    let resident = Part {
-        offset: cursor.bytes.len() as u64,
-        length: u32::try_from(length)
-            .map_err(|_| Error::invalid(cursor.name, "a resident block past 4 GiB"))?,
-        word: 0,
-        checksum,
-    };
+    let lit = lengths.filter(|line| line[ENTRY + SECTION * maps..][..4] != [0; 4]).count();
+    let length = lit * resident::len(header.resident_words());
+    if resident.length as usize != length {
+        let what = format!("a resident block of {} bytes; expected {length}", resident.length);
+        return Err(Error::invalid(cursor.name, what));
+    }
+    let [mut end, file_bytes] = extent;
     let mut index = Vec::with_capacity(header.tiles());
-    let mut end = (cursor.bytes.len() + length.next_multiple_of(ALIGN)) as u64;
     for place in header.places() {
         let (at, name) = (cursor.at, cursor.name);
         let wrong =
@@ -276,9 +283,9 @@ fn decode_index(
                 return Err(wrong(format!("word {word:#x} of a section of {length} bytes, stream {stream}")));
             }
             match stream {
-                NDGI => {
-                    header.contents(place, word, length as usize).map_err(wrong)?;
-                    entry.ndgi = part;
+                FEATURES | PLANES => {
+                    header.check_maps(place, word, length as usize).map_err(wrong)?;
+                    entry.maps = part;
                 }
                 SUN => entry.sun = part,
                 SHADOWS => entry.shadows = part,
@@ -294,7 +301,12 @@ fn decode_index(
     if end != file_bytes {
         return Err(Error::invalid(cursor.name, format!("payloads end at byte {end} of {file_bytes}")));
     }
-    Ok((index, resident))
+    Ok(index)
+}
+
+/// Whether a stream holds maps.
+fn is_maps(stream: u32) -> bool {
+    [FEATURES, PLANES].contains(&stream)
 }
 
 /// The rules on values, the same for writing and reading.
@@ -321,6 +333,11 @@ fn check(header: &Header) -> Result<(), String> {
     if time.intervals.iter().flatten().flatten().any(|hour| !(0.0..=24.0).contains(hour)) {
         return Err("an on-interval outside [0, 24]".to_owned());
     }
+    if header.apart.len() != header.groups.len()
+        || header.coding == MapCoding::Neural && header.apart.contains(&true)
+    {
+        return Err("light groups that are apart from neural maps".to_owned());
+    }
     if header.kinds.len() != header.pages.len() {
         return Err("different numbers of pages and of their kinds".to_owned());
     }
@@ -339,7 +356,7 @@ fn check(header: &Header) -> Result<(), String> {
     if !shaped {
         return Err("different numbers of groups, intervals and states".to_owned());
     }
-    time.check_between()
+    header.maps_timeline().check_between()
 }
 
 /// Reads little-endian fields one after another.
@@ -366,6 +383,16 @@ impl<'a> Cursor<'a> {
         let mut array = [0; N];
         array.copy_from_slice(self.take(N, what)?);
         Ok(array)
+    }
+
+    fn flag(&mut self, what: &str) -> Result<bool> {
+        match self.array::<1>(what)? {
+            [flag @ (0 | 1)] => Ok(flag == 1),
+            [flag] => {
+                let what = format!("byte {}: {what}: {flag}; expected 0 or 1", self.at - 1);
+                Err(Error::invalid(self.name, what))
+            }
+        }
     }
 
     fn u32(&mut self, what: &str) -> Result<u32> {
@@ -396,20 +423,51 @@ impl<'a> Cursor<'a> {
             .map_err(|_| Error::invalid(self.name, format!("byte {at}: {what} is not UTF-8")))
     }
 
-    /// The kinds of the streams, each of which is there once, features among them; unknown ones must not be
-    /// required.
+    /// The table of the file's sections, which follow the header: the resident block, and where the last
+    /// ends. Unknown ones must not be required.
+    fn sections(&mut self, n: usize, unknown: &mut Vec<Part>) -> Result<(Part, u64)> {
+        let mut resident = None;
+        let mut end = self.bytes.len() as u64;
+        let mut seen = std::collections::BTreeSet::new();
+        self.has(n, TABLE_LINE, "sections of the file")?;
+        for _ in 0..n {
+            let at = self.at;
+            let (kind, flags) = (self.u32("section")?, self.u32("flags")?);
+            let [length, checksum] = [self.array("length")?, self.array("checksum")?].map(u64::from_le_bytes);
+            let wrong = |what: String| Error::invalid(self.name, format!("byte {at}: {what}"));
+            if kind != RESIDENT && flags & REQUIRED != 0 {
+                let what = format!("required section of unknown kind {kind}");
+                return Err(Error::unsupported(self.name, what));
+            }
+            if !seen.insert(kind) || kind == RESIDENT && flags != REQUIRED {
+                return Err(wrong(format!("a section of kind {kind}, flags {flags}")));
+            }
+            let length = u32::try_from(length).map_err(|_| wrong(format!("a section of {length} bytes")))?;
+            let part = Part { offset: end, length, word: 0, checksum };
+            end += u64::from(length).next_multiple_of(ALIGN as u64);
+            match kind {
+                RESIDENT => resident = Some(part),
+                _ => unknown.push(part),
+            }
+        }
+        let resident = resident.ok_or_else(|| Error::invalid(self.name, "no resident block"))?;
+        Ok((resident, end))
+    }
+
+    /// The kinds of the streams, each of which is there once, maps of one coding among them; unknown ones
+    /// must not be required.
     fn streams(&mut self, n: usize) -> Result<Vec<u32>> {
         let mut kinds = Vec::new();
         self.has(n, 12, "streams")?;
         let mut seen = std::collections::BTreeSet::new();
         for _ in 0..n {
             let [kind, light, flags] = [self.u32("stream")?, self.u32("light")?, self.u32("flags")?];
-            let is_known = [NDGI, SUN, SHADOWS].contains(&kind);
+            let is_known = [FEATURES, SUN, SHADOWS, PLANES].contains(&kind);
             if !is_known && flags & REQUIRED != 0 {
                 let what = format!("required stream of unknown kind {kind}");
                 return Err(Error::unsupported(self.name, what));
             }
-            let is_wrong = is_known && (light != 0 || flags != if kind == NDGI { REQUIRED } else { 0 });
+            let is_wrong = is_known && (light != 0 || flags != if is_maps(kind) { REQUIRED } else { 0 });
             if !seen.insert((kind, light)) || is_wrong {
                 let what =
                     format!("byte {}: a stream of kind {kind}, light {light}, flags {flags}", self.at - 12);
@@ -417,9 +475,9 @@ impl<'a> Cursor<'a> {
             }
             kinds.push(kind);
         }
-        match kinds.contains(&NDGI) {
-            true => Ok(kinds),
-            false => Err(Error::invalid(self.name, "no stream of features")),
+        match kinds.iter().filter(|kind| is_maps(**kind)).count() {
+            1 => Ok(kinds),
+            n => Err(Error::invalid(self.name, format!("{n} streams of maps; expected one"))),
         }
     }
 

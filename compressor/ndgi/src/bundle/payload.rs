@@ -9,20 +9,20 @@ use crate::time::Axis;
 /// A tile, encoded. The default is black at all times.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Payload {
-    /// Its features and decoder.
-    pub ndgi: Section,
+    /// Its maps: features and decoder, or planes, by the bundle's coding.
+    pub maps: Section,
     /// The sun's visibility and the normals.
     pub sun: Section,
     /// How shadows move.
     pub shadows: Section,
-    /// Its line of the resident block; none without features.
+    /// Its line of the resident block; none without maps.
     pub resident: Vec<u8>,
 }
 
 impl Payload {
     /// All its bytes.
     pub fn bytes(&self) -> usize {
-        [&self.ndgi, &self.sun, &self.shadows].iter().map(|section| section.bytes.len()).sum::<usize>()
+        [&self.maps, &self.sun, &self.shadows].iter().map(|section| section.bytes.len()).sum::<usize>()
             + self.resident.len()
     }
 }
@@ -115,7 +115,7 @@ pub fn encode_payload(tile: &TileParams) -> Result<Payload, String> {
     bytes.extend(tile.mlp.iter().flat_map(|weight| weight.to_le_bytes()));
     bytes.resize(bytes.len().next_multiple_of(ALIGN), 0);
     let resident = resident::encode(&tile.knots)?;
-    Ok(Payload { ndgi: Section { word, bytes }, resident, ..Payload::default() })
+    Ok(Payload { maps: Section { word, bytes }, resident, ..Payload::default() })
 }
 
 /// A tile from its section of features, the word of its index line, the shape that its contents give, the

@@ -2,10 +2,10 @@
 //!
 //! A tile's line is its scale, a power of two as an f32, four zero bytes, and eight bytes a knot: the mean of
 //! red, green and blue as f16 in units of the scale, the peak in steps of a fifth of an octave, the share of
-//! the second frame in 255ths.
+//! the second frame in 255ths. Eight bytes for each light group that is apart follow: the same, its share 0.
 
 use crate::half::F16;
-use crate::model::Knot;
+use crate::model::{Brightness, Knot};
 
 /// Bytes before the knots, and of a knot.
 const WORD: usize = 8;
@@ -13,12 +13,35 @@ const WORD: usize = 8;
 const PEAK_STEPS: f32 = 5.0;
 const PEAK_OF_SCALE: f32 = 130.0;
 
-/// Length of a tile's line.
-pub(super) fn len(knots: usize) -> usize {
-    WORD * (1 + knots)
+/// Length of a tile's line, with this many knots and light groups that are apart together.
+pub(super) fn len(words: usize) -> usize {
+    WORD * (1 + words)
 }
 
 /// The line of a tile.
+///
+/// # Errors
+/// The value that is none of light.
+pub fn encode_brightness(of: &Brightness) -> Result<Vec<u8>, String> {
+    encode(&[&of.knots[..], &of.lamps].concat())
+}
+
+/// From a line, of this many knots.
+pub(super) fn decode_brightness(line: &[u8], knots: usize) -> Result<Brightness, String> {
+    let mut words = decode(line)?;
+    let lamps = words.split_off(knots.min(words.len()));
+    Ok(Brightness { knots: words, lamps })
+}
+
+/// Brightness as a line gives it back.
+///
+/// # Errors
+/// As [`encode_brightness`].
+pub fn rounded_brightness(of: &Brightness) -> Result<Brightness, String> {
+    decode_brightness(&encode_brightness(of)?, of.knots.len())
+}
+
+/// Words of light as a line.
 ///
 /// # Errors
 /// The value that is none of light.

@@ -172,7 +172,7 @@ mod tests {
             let entry = bundle.index[bundle.header.position(place).unwrap()];
             assert_eq!(
                 (sections.place(), sections.bytes() as u64),
-                (place, entry.bytes() - u64::from(entry.ndgi.length))
+                (place, entry.bytes() - u64::from(entry.maps.length))
             );
             assert_eq!(sections.most_bytes_of_shadows(&bundle).unwrap(), all.shadows.most_bytes(channels));
             let levels = |tile: &TileSun, channel: usize, time: usize| {

@@ -41,7 +41,7 @@ fn bytes_parse_to_the_same_values_and_the_same_bytes() {
     for (i, place) in header.places().enumerate() {
         assert_eq!(header.position(place), Some(i));
         assert_eq!(bundle.tile(place).unwrap(), testing::tile_of(&header, i, place));
-        assert_eq!(bundle.index[i].ndgi.word, payloads[i].ndgi.word);
+        assert_eq!(bundle.index[i].maps.word, payloads[i].maps.word);
         assert_eq!(
             bundle.knots(place).unwrap(),
             testing::tile_of(&header, i, place).map_or(vec![], |tile| tile.knots)
@@ -69,7 +69,7 @@ fn a_file_reads_as_memory_does() {
 fn payloads_are_aligned_and_one_of_full_size_takes_the_paper_s_bits() {
     let (_, _, bytes) = testing::bundle();
     let bundle = Bundle::from_bytes(bytes).unwrap();
-    assert!(bundle.index.iter().all(|entry| entry.ndgi.offset % 16 == 0));
+    assert!(bundle.index.iter().all(|entry| entry.maps.offset % 16 == 0));
     // Profile M, 26 frames, 128²: 0.68 bits per texel and frame in the paper.
     let contents = crate::model::Profile::M.contents(26, 0);
     let shape = Shape::new(&contents, 128, 128, 26, Coding::Standard);
@@ -151,7 +151,7 @@ fn each_count_and_offset_is_checked() {
     let (_, payloads, bytes) = testing::bundle();
     // Fixed positions of FORMAT.md: length, frames, pages, groups, streams, times, zero, scene length; the
     // offset of the last index line, found by its length and word.
-    let Section { word, bytes: last } = &payloads.last().unwrap().ndgi;
+    let Section { word, bytes: last } = &payloads.last().unwrap().maps;
     let line = [(last.len() as u32).to_le_bytes(), word.to_le_bytes()].concat();
     let last = bytes[..header_len(&bytes)].windows(8).rposition(|window| window == line).unwrap() - 8;
     for at in [12, 40, 48, 52, 56, 60, 64, 68, 80, last] {
@@ -183,7 +183,10 @@ fn bundles_of_other_versions_are_refused_with_what_to_do() {
         let refused = read_all(other).unwrap_err();
         assert!(matches!(refused, Error::Unsupported { .. }), "{refused:?}");
         let text = refused.to_string();
-        assert!(text.contains(&format!("bundle version {version}; this program reads version 4")), "{text}");
+        assert!(
+            text.contains(&format!("bundle version {version}; this program reads version {VERSION}")),
+            "{text}"
+        );
         assert!(text.contains(expected), "{text}");
     }
 }
@@ -219,7 +222,7 @@ fn payloads_with_forbidden_values_are_refused() {
     }
 
     // The same in a file whose checksums are right.
-    let Section { word, bytes } = encode_payload(&good).unwrap().ndgi;
+    let Section { word, bytes } = encode_payload(&good).unwrap().maps;
     let axis_at = 16 * (good.f_uv.len() + good.f_uvt.len());
     let gates_at = axis_at + 2 + 2 * good.axis.places.len();
     let grey_blocks = crate::bc7::encode(&crate::bc7::GREY).repeat(10);
@@ -243,7 +246,7 @@ fn payloads_with_forbidden_values_are_refused() {
     // A map whose grey blocks are omitted, or not as the word says.
     let place = Place { page: 1, column: 0, row: 0 };
     let sparse = testing::tile_of(&header, 2, place).unwrap();
-    let Section { word: sparse_word, bytes } = encode_payload(&sparse).unwrap().ndgi;
+    let Section { word: sparse_word, bytes } = encode_payload(&sparse).unwrap().maps;
     assert_eq!(sparse_word & !word & Contents::SPARE, Contents::SPARE);
     assert!(bytes.len() < full_len(&sparse.shape));
     let read = |bytes: &[u8], word: u32| read(bytes, word, sparse.shape, &sparse);
@@ -297,20 +300,27 @@ fn headers_that_cannot_be_read_are_not_written() {
 }
 
 #[test]
-fn unknown_streams_are_skipped_unless_they_are_required() {
+fn unknown_streams_and_sections_are_skipped_unless_they_are_required() {
     let (header, payloads, bytes) = testing::bundle();
     // A second stream, behind the features of each tile: 16 bytes in the last one.
     let read = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
     let head = read(12);
     let ndgi = [0u32, 0, 1].map(u32::to_le_bytes).concat();
     let streams_at = bytes[..head].windows(12).rposition(|window| window == ndgi).unwrap();
-    let with = |stream: [u32; 3]| {
+    // And a second section of the file, of 5 bytes, behind the resident block.
+    let with = |stream: [u32; 3], section: [u32; 2]| {
+        let (table, resident) = bytes[streams_at + 12..].split_at(24);
+        let resident_len = (read(streams_at + 20)).next_multiple_of(16);
         let mut out = bytes[..streams_at + 12].to_vec();
         out[56..60].copy_from_slice(&2u32.to_le_bytes());
+        out[68..72].copy_from_slice(&2u32.to_le_bytes());
         out.extend(stream.map(u32::to_le_bytes).concat());
-        let lines = bytes[streams_at + 12..][..24 * header.tiles()].chunks_exact(24);
+        out.extend(table);
+        out.extend(section.map(u32::to_le_bytes).concat());
+        out.extend([5, checksum(&[&[8; 5]])].map(u64::to_le_bytes).concat());
+        let lines = resident[..24 * header.tiles()].chunks_exact(24);
         let new_head = (out.len() + 40 * header.tiles()).next_multiple_of(16);
-        let moved = (new_head - head) as u64;
+        let moved = (new_head - head) as u64 + 16;
         for (i, line) in lines.enumerate() {
             let offset = u64::from_le_bytes(line[..8].try_into().unwrap()) + moved;
             out.extend(offset.to_le_bytes());
@@ -321,23 +331,30 @@ fn unknown_streams_are_skipped_unless_they_are_required() {
         }
         out.resize(new_head, 0);
         out[12..16].copy_from_slice(&(new_head as u32).to_le_bytes());
-        out.extend(&bytes[head..]);
+        out.extend(&bytes[head..head + resident_len]);
+        out.extend([8; 5]);
+        out.extend([0; 11]);
+        out.extend(&bytes[head + resident_len..]);
         out.extend([9; 16]);
         let length = out.len() as u64;
         out[16..24].copy_from_slice(&length.to_le_bytes());
         seal(&mut out);
         out
     };
-    let bundle = Bundle::from_bytes(with([9, 3, 0])).unwrap();
+    let bundle = Bundle::from_bytes(with([9, 3, 0], [7, 0])).unwrap();
+    bundle.verify().unwrap();
     for (i, place) in header.places().enumerate() {
         assert_eq!(bundle.tile(place).unwrap(), testing::tile_of(&header, i, place));
     }
     assert_eq!(bundle.header, header);
     assert_eq!(payloads.len(), bundle.index.len());
-    let refused = Bundle::from_bytes(with([9, 3, 1])).unwrap_err();
+    let refused = Bundle::from_bytes(with([9, 3, 1], [7, 0])).unwrap_err();
     assert!(matches!(refused, Error::Unsupported { .. }));
     assert!(refused.to_string().contains("required stream of unknown kind 9"), "{refused}");
-    for wrong in [[0, 0, 1], [0, 0, 0], [1, 0, 0]] {
-        assert!(Bundle::from_bytes(with(wrong)).is_err(), "{wrong:?}");
+    let refused = Bundle::from_bytes(with([9, 3, 0], [7, 1])).unwrap_err();
+    assert!(refused.to_string().contains("required section of unknown kind 7"), "{refused}");
+    for wrong in [[0, 0, 1], [0, 0, 0], [1, 0, 0], [3, 0, 1]] {
+        assert!(Bundle::from_bytes(with(wrong, [7, 0])).is_err(), "{wrong:?}");
     }
+    assert!(Bundle::from_bytes(with([9, 3, 0], [0, 1])).is_err());
 }

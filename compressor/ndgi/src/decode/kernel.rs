@@ -7,13 +7,13 @@
 #![allow(unsafe_code, reason = "instructions of processors")]
 #![allow(clippy::needless_range_loop, reason = "units of a layer, as the formulas index them")]
 
-use super::{Y_MAX, irradiance};
+use super::irradiance;
 use crate::Result;
 use crate::bc7;
 #[cfg(target_arch = "x86_64")]
 use crate::lanes::{Avx2, Avx512};
 use crate::lanes::{Instructions, Lanes, Quad, Tier};
-use crate::model::{GELU_BOUND, GELU_COEFFICIENTS, Shape};
+use crate::model::{GELU_BOUND, GELU_COEFFICIENTS, Shape, Y_MAX};
 use crate::time::Coding;
 
 /// Rows of texels are padded to a multiple of this, which every vector length divides.

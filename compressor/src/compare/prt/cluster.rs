@@ -2,7 +2,7 @@
 //! for Precomputed Radiance Transfer", section 4.2): points belong to the cluster whose affine subspace is
 //! nearest.
 
-use super::super::linear::eigen;
+use crate::linear::eigen;
 
 /// Points in some dimensions, row by row.
 pub(super) struct Points {

@@ -5,12 +5,12 @@
 //! AᵀA, with A from a vector to a frame's light. Like the SVD it aims at the mean PSNR: the frames' weights
 //! follow what is left of their errors, some rounds long.
 
-use super::super::linear::{eigen, solve};
 use super::super::method::{CodedTile, ROUNDS, reweighted, timed};
 use super::super::tiles::{Texels, Tile};
 use super::Vectors;
 use super::cluster::Points;
 use crate::Result;
+use crate::linear::{eigen, solve};
 use half::f16;
 
 /// Passes in which texels go to the nearest cluster, at first, and in each later round.

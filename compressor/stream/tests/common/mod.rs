@@ -232,7 +232,7 @@ impl Model {
             let Spot { level: of_owner, place } = self.pyramid.spot(*owner).unwrap();
             assert_eq!(usize::from(level), of_owner);
             let bundle = self.pyramid.bundle(of_owner);
-            let word = bundle.index[bundle.header.position(place).unwrap()].ndgi.word;
+            let word = bundle.index[bundle.header.position(place).unwrap()].maps.word;
             let gates = ndgi::model::Contents::of_word(word).map_or(0, |contents| contents.gates);
             assert!(gates == 0 || decoded == state, "{owner:?} shows lamps as they were");
         }

@@ -5,7 +5,7 @@ const SWEEPS: usize = 60;
 
 /// Eigenvalues, descending, and for each its unit eigenvector, of a symmetric matrix of n rows: Jacobi's
 /// cyclic method (Golub and Van Loan, "Matrix Computations", section 8.5).
-pub(super) fn eigen(mut a: Vec<f64>, n: usize) -> Vec<(f64, Vec<f64>)> {
+pub(crate) fn eigen(mut a: Vec<f64>, n: usize) -> Vec<(f64, Vec<f64>)> {
     let mut vectors = vec![0.0; n * n];
     (0..n).for_each(|i| vectors[i * n + i] = 1.0);
     let total: f64 = a.iter().map(|x| x * x).sum();
@@ -49,7 +49,7 @@ fn rotate(a: &mut [f64], vectors: &mut [f64], n: usize, p: usize, q: usize) {
 }
 
 /// X of A X = B by Gauss's elimination with pivots; A has n rows, B n rows of m. What A does not decide is 0.
-pub(super) fn solve(mut a: Vec<f64>, mut b: Vec<f64>, n: usize, m: usize) -> Vec<f64> {
+pub(crate) fn solve(mut a: Vec<f64>, mut b: Vec<f64>, n: usize, m: usize) -> Vec<f64> {
     let largest = a.iter().fold(0.0f64, |l, x| l.max(x.abs()));
     let mut decided = vec![true; n];
     for k in 0..n {
