@@ -145,12 +145,16 @@ fn in_words(
         let choice = match (&written["profile"], &written["target_psnr_db"], &written["target_bpp"]) {
             (serde_json::Value::String(profile), ..) => format!("profile {profile}"),
             (_, serde_json::Value::Number(db), _) => format!("--target-psnr {db}"),
-            (.., bpp) => format!("--target-bpp {bpp}"),
+            (.., serde_json::Value::Number(bpp)) => format!("--target-bpp {bpp}"),
+            _ => "no target".to_owned(),
         };
         let by = format!("{}, {choice}", text(&written["generator"]));
         let limit = written["time_limit_secs"].as_f64();
         let limit = limit.map_or(String::new(), |limit| format!(" at most, within {limit} s"));
-        let steps = format!("{} steps{limit}, seed {}", written["iterations"], written["seed"]);
+        let steps = match bundle.header.coding {
+            MapCoding::Neural => format!("{} steps{limit}, seed {}", written["iterations"], written["seed"]),
+            MapCoding::Basis => "--coding basis".to_owned(),
+        };
         lines.push(("written", format!("by {by}, {steps}")));
     }
     // Names come from the file.
@@ -174,5 +178,16 @@ mod tests {
         let groups = lines.iter().filter(|(name, _)| *name == "group");
         assert!(groups.clone().count() > 0);
         assert!(groups.into_iter().all(|(_, text)| text.starts_with("\\u{9b}31mporch\\u{7}, ")), "{lines:?}");
+    }
+
+    #[test]
+    fn planes_are_told_as_planes() {
+        let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+        let bundle = open(&root.join("../../tests/fuzz/corpus/bundle/planes.ndgi")).unwrap();
+        let written =
+            json!({ "generator": "compress", "coding": "basis", "target_bpp": 0.4, "iterations": null });
+        let lines = in_words(&bundle, &written, 1.0, 0);
+        assert!(lines.iter().any(|(_, text)| text.starts_with("2 × 7 planes")), "{lines:?}");
+        assert_eq!(lines.last().unwrap().1, "by compress, --target-bpp 0.4, --coding basis");
     }
 }
