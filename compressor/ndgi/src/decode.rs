@@ -228,16 +228,19 @@ impl Decoder {
         let grid = self.bundle.grid(page)?;
         time::check_hour(hour)?;
         let (place, [x, y], [s, t]) = grid.around(page, [u, v])?;
-        if self.bundle.header.coding == MapCoding::Basis {
-            let tile = self.bundle.at(hour)?.tile(place)?;
-            return Ok(bilinear(|dx, dy| tile.stored_texel(x + dx, y + dy), [s, t]));
-        }
         let point = self.bundle.header.timeline.at(hour);
-        let (tile, lit) = (self.tile(place)?, self.sun(place)?);
+        let is_basis = self.bundle.header.coding == MapCoding::Basis;
+        let planes = is_basis.then(|| self.bundle.at(hour)?.only(Lights::Baked).tile(place)).transpose()?;
+        let features = if is_basis { None } else { self.tile(place)? };
+        let lit = self.sun(place)?;
         let (width, _) = grid.stored(place.column, place.row);
         let at = |dx, dy| {
-            let baked =
-                tile.as_ref().map(|tile| texel(tile, &self.bundle.header.timeline, &point, x + dx, y + dy));
+            let baked = match (&planes, &features) {
+                (Some(tile), _) => Some(tile.stored_texel(x + dx, y + dy)),
+                (_, tile) => tile
+                    .as_ref()
+                    .map(|tile| texel(tile, &self.bundle.header.timeline, &point, x + dx, y + dy)),
+            };
             let lit = self.bundle.header.sun.as_ref().zip(lit.as_ref());
             let direct =
                 lit.map(|(sun, tile)| tile.texel(sun, time::fold_hour(hour), (y + dy) * width + x + dx));
