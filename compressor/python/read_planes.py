@@ -120,7 +120,7 @@ def light(data, word, height, width, sources):
     at, before, planes = 4 + 8 * count, -1, 0
     check(at <= len(data), 'too short for its sets of planes')
     for source, own, flags, length in struct.iter_unpack('<HBBI', data[4:at]):
-        check(before < source in sources and own <= 64 and flags < 2 and at + length <= len(data), f'light source {source}: its place, number of planes, flags or length')
+        check(before < source in sources and own <= 64 and planes + own <= 1024 and flags < 2 and at + length <= len(data), f'light source {source}: its place, number of planes, flags or length')
         (frames, lit), before, planes = sources[source], source, planes + own
         rows, values = unpack(data[at:at + length], own, frames, down, across)
         at += length

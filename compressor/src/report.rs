@@ -31,8 +31,22 @@ const LISTED: usize = 20;
 
 /// PSNR against seconds of training.
 pub fn training(outcome: &Outcome) -> Section {
-    let mut section = Section::new("Training");
     let decibels = |db: Option<f64>| db.map_or("–".to_owned(), |db| format!("{db:.2} dB"));
+    if outcome.is_basis {
+        let mut section = Section::new("Encoding");
+        section.paragraph(&format!(
+            "{} tiles, {} of them without light, {} reused from an earlier run; {:.1} s of wall-clock time, {:.1} CPU seconds of \
+             encoding planes. PSNR of the maps, mean over tiles weighted by their texels, at peaks with the sun's direct light: {}.",
+            outcome.tiles,
+            outcome.empty,
+            outcome.resumed,
+            outcome.seconds,
+            outcome.training_seconds,
+            decibels(outcome.psnr_trained_db),
+        ));
+        return section;
+    }
+    let mut section = Section::new("Training");
     section.paragraph(&format!(
         "{} tiles, {} of them without light, {} reused from an earlier run; {:.1} s of wall-clock time, {:.1} CPU seconds of \
          training. Steps per tile: {}. PSNR of the maps, mean over tiles weighted by their texels: before quantisation {}, with \

@@ -129,3 +129,22 @@ fn targets_are_met_without_training() {
     let error = compress(&root, &refused, &Silent).unwrap_err().to_string();
     assert!(error.contains("no profiles") && error.contains("--coding neural"), "{error}");
 }
+
+#[test]
+fn what_was_trained_is_not_replaced_in_silence() {
+    let (_folder, root, out) = court();
+    let neural = Options { coding: MapCoding::Neural, iterations: 60, ..options(&out) };
+    compress(&root, &neural, &Silent).unwrap();
+    let trained = fs::read(&out).unwrap();
+    let refused = compress(&root, &options(&out), &Silent).unwrap_err().to_string();
+    assert!(
+        refused.contains("with neural maps, trained for 60 steps") && refused.contains("--out"),
+        "{refused}"
+    );
+    assert!(fs::read(&out).unwrap() == trained);
+    compress(&root, &Options { force: true, ..options(&out) }, &Silent).unwrap();
+    assert_eq!(Bundle::open(&out).unwrap().header.coding, MapCoding::Basis);
+    // Planes take a second: they are replaced.
+    compress(&root, &neural, &Silent).unwrap();
+    assert_eq!(Bundle::open(&out).unwrap().header.coding, MapCoding::Neural);
+}

@@ -2,8 +2,7 @@
 'use strict';
 
 const MOST_PLANES = 64;
-// Values of a tile's planes that are held: two bytes each.
-const MOST_VALUES = 2 ** 26;
+const MOST_PLANES_OF_TILE = 1024;
 const MOST_FACTOR = 2 ** 24;
 
 // ---- Range coding ----
@@ -179,7 +178,7 @@ function planesOf(bundle, tile) {
     planes += set.count;
   });
   if (planes !== tile.planes.word) wrong(`${planes} planes, but the index says ${tile.planes.word}`);
-  if (planes * tile.width * tile.height > MOST_VALUES) wrong(`${planes} planes; this page holds ${MOST_VALUES} values at most`);
+  if (planes > MOST_PLANES_OF_TILE) wrong(`${planes} planes; expected ${MOST_PLANES_OF_TILE} at most`);
   const sources = sets.map(set => ({ ...set, ...readSet(c.take(set.length, 'planes'), set, tile, wrong), linear: set.flags === 1, place: apart.indexOf(set.source - 1) }));
   if (c.end - c.at >= 16 || bundle.bytes.subarray(c.at, c.end).some(byte => byte !== 0)) wrong('more than zeros behind the planes');
   tile.litFrames = places;

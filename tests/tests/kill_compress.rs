@@ -116,6 +116,15 @@ fn a_compression_is_killed_at_every_call() {
 }
 
 #[test]
+fn a_compression_to_planes_is_killed_at_every_call() {
+    let faults = Faults::new();
+    let dataset = baked(faults.root(), 64);
+    for way in [&["--coding", "basis"][..], &["--coding", "basis", "--target-bpp", "1"]] {
+        sweep(&faults, &way.join(" "), None, &|folder| compress(&dataset, way, folder));
+    }
+}
+
+#[test]
 #[ignore = "takes minutes: more ways to compress"]
 fn more_compressions_are_killed_at_every_call() {
     let ways: [&[&str]; 3] = [&["--levels"], &["--target-psnr", "30"], &["--target-bpp", "2"]];

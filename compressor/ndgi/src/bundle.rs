@@ -2,29 +2,31 @@
 //!
 //! Opening reads the header and the index; each tile is one more read. Everything from a file is validated
 //! before use, so a damaged or hostile file gives an [`Error`]. Allocations are bounded by the file's length:
-//! the header and the index by their own size, a tile by its unpacked payload, up to 128 times its bytes, and
-//! its visibility of the sun by the number of times, at most 50 MB.
+//! the header and the index by their own size, a tile by its unpacked payload, up to 128 times its bytes
+//! (planes: at most 64 MB), and its visibility of the sun by the number of times, at most 50 MB.
 
 mod resident;
 mod header;
 mod payload;
+mod planes;
 mod sun;
 
 pub use crate::model::Section;
 pub use payload::{Payload, blocks_len, encode_payload, full_len};
+pub use planes::UNPACKED_BYTES;
 use resident::decode_brightness;
 pub use resident::{encode_brightness, rounded_brightness, rounded_means};
 pub use sun::SunSections;
 
 use crate::grid::{Grid, Place};
 use crate::model::{Brightness, Contents, Knot, Shape, TileParams};
-use crate::planes::{MOST_PLANES, PlaneSet, TilePlanes, decode_section as decode_planes, lit_frames};
+use crate::planes::{MOST_PLANES_OF_TILE, TilePlanes};
+use crate::recent::Recent;
 use crate::source::{Memory, ReadAt};
 use crate::sun::{Sun, SunDecoder};
 use crate::time::Timeline;
 use crate::{Error, Result};
-use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::OnceLock;
 #[cfg(feature = "file")]
 use std::{fs::File, io::Read, path::Path};
 
@@ -40,10 +42,6 @@ const ALIGN: usize = 16;
 const MAX_HEADER: u64 = 1 << 28;
 /// Longest side of a page, in texels.
 const MAX_SIDE: usize = 1 << 20;
-
-/// Memory that the unpacked planes of the last tiles may take: a page of 1024² with twenty planes a tile
-/// takes 60 MB.
-pub const UNPACKED_BYTES: usize = 96 << 20;
 
 /// The kind of a page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -142,13 +140,10 @@ impl Header {
     fn check_maps(&self, place: Place, word: u32, length: usize) -> Result<(), String> {
         match self.coding {
             MapCoding::Neural => self.contents(place, word, length).map(drop),
-            MapCoding::Basis => {
-                let most = MOST_PLANES * (1 + self.lamps());
-                match word as usize > most || length == 0 && word != 0 {
-                    true => Err(format!("word {word:#x}; expected at most {most} planes")),
-                    false => Ok(()),
-                }
-            }
+            MapCoding::Basis => match word as usize > MOST_PLANES_OF_TILE || length == 0 && word != 0 {
+                true => Err(format!("word {word:#x}; expected at most {MOST_PLANES_OF_TILE} planes")),
+                false => Ok(()),
+            },
         }
     }
 
@@ -281,8 +276,10 @@ pub struct Bundle {
     pub bytes: u64,
     /// Length in bytes of the resident block: means and peaks of all tiles.
     pub bytes_resident: u64,
-    /// Sections of streams that this crate does not know.
+    /// Sections of the file and of tiles that this crate does not know.
     unknown: Vec<Part>,
+    /// All sections of the file, in order.
+    of_file: Vec<Part>,
     /// Per tile, how bright it is; empty for a tile without maps.
     brightness: Vec<Brightness>,
     /// The same with the light groups that are apart, at each knot; nothing if there are none.
@@ -290,7 +287,7 @@ pub struct Bundle {
     /// The times of what is not apart.
     maps_timeline: Timeline,
     /// Planes that were unpacked lately.
-    unpacked: Mutex<VecDeque<(usize, Arc<TilePlanes>)>>,
+    unpacked: Recent<TilePlanes>,
     sun_decoder: OnceLock<SunDecoder>,
     source: Box<dyn ReadAt>,
     name: String,
@@ -341,13 +338,14 @@ impl Bundle {
         let start = read(0, FIXED).map_err(io)?;
         let length = header::check_start(&start, bytes, &name)?;
         let head = read(0, length).map_err(io)?;
-        let header::Read { header, index, unknown, resident } = header::decode(&head, bytes, &name)?;
+        let header::Read { header, index, unknown, of_file, resident } = header::decode(&head, bytes, &name)?;
         let mut bundle = Bundle {
             unknown,
+            of_file,
             brightness: Vec::new(),
             knots: Vec::new(),
             maps_timeline: header.maps_timeline(),
-            unpacked: Mutex::default(),
+            unpacked: Recent::new(usize::MAX, UNPACKED_BYTES, TilePlanes::bytes),
             sun_decoder: OnceLock::new(),
             header,
             index,
@@ -426,24 +424,23 @@ impl Bundle {
         self.header.places().try_for_each(|place| self.verify_tile(place))?;
         let sections = self.unknown.iter().filter(|part| part.length > 0);
         sections.into_iter().try_for_each(|part| {
-            self.read(part, || format!("{}, a stream of an unknown kind", self.name)).map(drop)
+            self.read(part, || format!("{}, a section of an unknown kind", self.name)).map(drop)
         })
     }
 
-    /// The zeros behind the resident block, which no checksum covers.
+    /// The zeros behind the sections of the file, which no checksum covers.
     fn verify_padding(&self) -> Result<()> {
-        let length = self.bytes_resident.next_multiple_of(ALIGN as u64) - self.bytes_resident;
-        let Some(first) = self.index.first().filter(|_| length > 0) else { return Ok(()) };
-        let mut bytes = [0; ALIGN];
-        let io = |source| Error::Io { path: self.name.clone().into(), source };
-        self.source.read_at(first.maps.offset - length, &mut bytes[..length as usize]).map_err(io)?;
-        match bytes.iter().all(|byte| *byte == 0) {
-            true => Ok(()),
-            false => Err(Error::invalid(
-                &self.name,
-                "bytes behind the resident block that are not zero: the file is damaged",
-            )),
+        for part in &self.of_file {
+            let end = part.offset + u64::from(part.length);
+            let mut bytes = vec![0; (end.next_multiple_of(ALIGN as u64) - end) as usize];
+            let io = |source| Error::Io { path: self.name.clone().into(), source };
+            self.source.read_at(end, &mut bytes).map_err(io)?;
+            if bytes.iter().any(|byte| *byte != 0) {
+                let what = "bytes behind a section that are not zero: the file is damaged";
+                return Err(Error::invalid(&self.name, what));
+            }
         }
+        Ok(())
     }
 
     /// [`Bundle::verify`] of one tile.
@@ -537,64 +534,6 @@ impl Bundle {
     /// The times of what is not apart from the maps: [`Header::maps_timeline`].
     pub fn maps_timeline(&self) -> &Timeline {
         &self.maps_timeline
-    }
-
-    /// Reads, checks and unpacks a tile's planes, or gives those of the last tiles asked for, at most
-    /// [`UNPACKED_BYTES`]; `None` if it has none.
-    ///
-    /// # Errors
-    /// As [`Bundle::tile`].
-    pub fn planes(&self, place: Place) -> Result<Option<Arc<TilePlanes>>> {
-        let position = self.position(place)?;
-        if self.header.coding != MapCoding::Basis || self.index[position].maps.length == 0 {
-            return Ok(None);
-        }
-        let lock = || self.unpacked.lock().unwrap_or_else(PoisonError::into_inner);
-        {
-            let mut recent = lock();
-            if let Some(i) = recent.iter().position(|(at, _)| *at == position)
-                && let Some(hit) = recent.remove(i)
-            {
-                let planes = Arc::clone(&hit.1);
-                recent.push_front(hit);
-                return Ok(Some(planes));
-            }
-        }
-        let sets = self.sets(place)?;
-        let (timeline, brightness) = (&self.header.timeline, &self.brightness[position]);
-        let size = self.header.pages[place.page].stored(place.column, place.row).into();
-        let planes = Arc::new(TilePlanes::new(&sets, size, timeline, brightness));
-        let mut recent = lock();
-        recent.push_front((position, Arc::clone(&planes)));
-        let mut held = 0;
-        let fit = recent.iter().enumerate().take_while(|(i, (_, planes))| {
-            held += planes.bytes();
-            *i == 0 || held <= UNPACKED_BYTES
-        });
-        let fit = fit.count();
-        recent.truncate(fit);
-        Ok(Some(planes))
-    }
-
-    /// Reads and checks a tile's planes as they are stored; nothing if it has none.
-    ///
-    /// # Errors
-    /// As [`Bundle::tile`].
-    pub fn sets(&self, place: Place) -> Result<Vec<PlaneSet>> {
-        let position = self.position(place)?;
-        let part = &self.index[position].maps;
-        if self.header.coding != MapCoding::Basis || part.length == 0 {
-            return Ok(Vec::new());
-        }
-        let section = self.read(part, || self.name_of(place))?;
-        let size = self.header.pages[place.page].stored(place.column, place.row).into();
-        let (lit, _) = lit_frames(&self.header.timeline, &self.brightness[position]);
-        let frames = |source: u16| match source.checked_sub(1) {
-            None => (lit > 0).then_some(lit),
-            Some(group) => self.header.lamp(usize::from(group)).map(|_| 1),
-        };
-        decode_planes(&section, part.word, size, frames)
-            .map_err(|what| Error::invalid(self.name_of(place), what))
     }
 
     /// Reads and checks one tile's features and decoder; `None` if it has no light other than the sun's

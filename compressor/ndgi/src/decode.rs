@@ -21,14 +21,14 @@ pub use tile::TileDecoder;
 use crate::bundle::{Bundle, MapCoding};
 use crate::grid::Place;
 use crate::model::{BORDER, PAYLOAD, TileParams, Y_MAX};
+use crate::recent::Recent;
 use crate::sun::TileSun;
 use crate::time::{self, Coding, TimePoint, Timeline};
 use crate::{Error, Result};
 #[cfg(feature = "rayon")]
 use rayon::prelude::*;
-use std::collections::VecDeque;
 use std::ops::Range;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 /// The two texels around a coordinate in [0, 1] on an axis of `n` texels with centres at (i + ½)/n, clamped
 /// at the ends, and the share of the second.
@@ -170,37 +170,6 @@ pub struct Decoder {
     recent_sun: Recent<TileSun>,
 }
 
-type Recent<T> = Mutex<VecDeque<(usize, Option<Arc<T>>)>>;
-
-/// A tile by its place in the index: from memory where it was read lately.
-fn recent<T>(
-    of: &Recent<T>,
-    position: usize,
-    bytes: fn(&T) -> usize,
-    read: impl FnOnce() -> Result<Option<T>>,
-) -> Result<Option<Arc<T>>> {
-    let mut recent = of.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some(i) = recent.iter().position(|(at, _)| *at == position)
-        && let Some(hit) = recent.remove(i)
-    {
-        recent.push_front(hit.clone());
-        return Ok(hit.1);
-    }
-    drop(recent);
-    let tile = read()?.map(Arc::new);
-    let mut recent = of.lock().unwrap_or_else(PoisonError::into_inner);
-    recent.push_front((position, tile.clone()));
-    recent.truncate(CACHED);
-    let mut held = 0;
-    let fits = |(i, (_, tile)): (usize, &(usize, Option<Arc<T>>))| {
-        held += tile.as_ref().map_or(0, |tile| bytes(tile));
-        i == 0 || held <= CACHED_BYTES
-    };
-    let fit = recent.iter().enumerate().map(fits).take_while(|fits| *fits).count();
-    recent.truncate(fit);
-    Ok(tile)
-}
-
 impl Decoder {
     /// Opens a bundle file. Errors as [`Bundle::open`].
     #[cfg(all(feature = "file", any(unix, windows)))]
@@ -210,7 +179,8 @@ impl Decoder {
 
     /// A decoder of an opened bundle.
     pub fn new(bundle: Bundle) -> Self {
-        Decoder { bundle, recent: Mutex::default(), recent_sun: Mutex::default() }
+        let recent = Recent::new(CACHED, usize::MAX, |_| 0);
+        Decoder { bundle, recent, recent_sun: Recent::new(CACHED, CACHED_BYTES, TileSun::bytes) }
     }
 
     /// The bundle.
@@ -254,14 +224,14 @@ impl Decoder {
     /// [`Bundle::tile`].
     pub fn tile(&self, place: Place) -> Result<Option<Arc<TileParams>>> {
         let position = self.bundle.header.position(place).unwrap_or(usize::MAX);
-        recent(&self.recent, position, |_| 0, || self.bundle.tile(place))
+        self.recent.get(position, || self.bundle.tile(place))
     }
 
     /// A tile's visibility of the sun, cached in the same way; `None` if it sees nothing of the sun, or the
     /// sun is not a separate stream.
     pub fn sun(&self, place: Place) -> Result<Option<Arc<TileSun>>> {
         let position = self.bundle.header.position(place).unwrap_or(usize::MAX);
-        recent(&self.recent_sun, position, TileSun::bytes, || self.bundle.sun(place))
+        self.recent_sun.get(position, || self.bundle.sun(place))
     }
 
     /// A whole page at `hour`, its rows of tiles in parallel with the feature `rayon`.

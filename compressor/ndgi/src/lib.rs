@@ -9,6 +9,7 @@
 #![warn(unreachable_pub)]
 
 mod error;
+mod recent;
 pub mod source;
 pub mod half;
 pub mod lanes;

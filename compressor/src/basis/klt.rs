@@ -33,7 +33,7 @@ pub(super) struct Transformed {
 
 impl Transformed {
     /// Of a source on a tile; `chroma`: what colour differences are multiplied by.
-    pub(super) fn new(light: &SourceLight, coverage: &[Coverage], chroma: f64, is_linear: bool) -> Self {
+    pub(super) fn new(light: &SourceLight, coverage: &[Coverage], chroma: f64) -> Self {
         let texels = counted(coverage);
         // Frames that look the same share their rows.
         let mut first: Vec<usize> = Vec::new();
@@ -65,7 +65,7 @@ impl Transformed {
         let mut rows = Vec::new();
         for (&k, weight) in first.iter().zip(&of_distinct) {
             let weight = (f64::from(*weight) / 8.0).exp2();
-            let of_frame = transformed(light.frames[k], light.means[k], &texels, is_linear);
+            let of_frame = transformed(light.frames[k], light.means[k], &texels);
             for (j, mut row) in of_frame.into_iter().enumerate() {
                 let scale = if j == 0 { weight } else { weight * chroma };
                 row.iter_mut().for_each(|value| *value *= scale as f32);

@@ -24,17 +24,11 @@ pub(super) fn counted(coverage: &[Coverage]) -> Vec<usize> {
 }
 
 /// Luminance and colour differences of a frame's texels, in the domain of planes.
-pub(super) fn transformed(
-    light: &[[f32; 3]],
-    mean: [f32; 3],
-    texels: &[usize],
-    is_linear: bool,
-) -> [Vec<f32>; 3] {
+pub(super) fn transformed(light: &[[f32; 3]], mean: [f32; 3], texels: &[usize]) -> [Vec<f32>; 3] {
     let mut out = [const { Vec::new() }; 3];
     out.iter_mut().for_each(|component| component.reserve_exact(texels.len()));
     for &i in texels {
-        let relative = |c: usize| f64::from(light[i][c]) / f64::from(mean[c]);
-        let value = |c: usize| if is_linear { relative(c) } else { relative(c).sqrt() };
+        let value = |c: usize| (f64::from(light[i][c]) / f64::from(mean[c])).sqrt();
         let mut rgb = [0, 1, 2].map(|c| if mean[c] > 0.0 { value(c) } else { 0.0 });
         // A colour without light has that of the others, so that there is no difference to store.
         let lit = (0..3).filter(|c| mean[*c] > 0.0).count().max(1) as f64;

@@ -16,41 +16,28 @@ pub use tile::{BasisTile, FittedTile};
 
 use crate::planes::PlaneSet;
 use crate::tile::Coverage;
+use quantise::Blocks;
 
 /// A source of a tile, transformed: for trying several steps.
 #[derive(Clone, Debug)]
 pub struct Fitted {
     transformed: klt::Transformed,
-    coverage: Vec<Coverage>,
+    blocks: Blocks,
     source: u16,
-    size: [usize; 2],
     chroma: u8,
-    is_linear: bool,
 }
 
 impl Fitted {
     /// Of a source's light on a tile of stored width and height. `chroma`: colour differences count this over
     /// 16 as much as luminance.
-    pub fn new(
-        light: &SourceLight,
-        coverage: &[Coverage],
-        size: [usize; 2],
-        chroma: u8,
-        is_linear: bool,
-    ) -> Self {
-        let scale = f64::from(chroma) / 16.0;
-        let transformed = klt::Transformed::new(light, coverage, scale, is_linear);
-        Fitted { transformed, coverage: coverage.to_vec(), source: light.source, size, chroma, is_linear }
-    }
-
-    /// The light source: [`SourceLight::source`].
-    pub fn source(&self) -> u16 {
-        self.source
+    pub fn new(light: &SourceLight, coverage: &[Coverage], size: [usize; 2], chroma: u8) -> Self {
+        let transformed = klt::Transformed::new(light, coverage, f64::from(chroma) / 16.0);
+        Fitted { transformed, blocks: Blocks::new(coverage, size), source: light.source, chroma }
     }
 
     /// Its planes at a step, and their bytes.
     pub fn quantised(&self, quantiser: &Quantiser) -> (PlaneSet, Vec<u8>) {
-        let Fitted { transformed, coverage, source, size, chroma, is_linear } = self;
-        quantise::quantise(transformed, coverage, *source, *size, *chroma, *is_linear, quantiser)
+        let set = PlaneSet { source: self.source, chroma: self.chroma, ..PlaneSet::default() };
+        quantise::quantise(&self.transformed, &self.blocks, set, quantiser)
     }
 }

@@ -24,14 +24,31 @@ const MOST_STEPS: f64 = 2000.0;
 /// Part of a step that a row's share of a plane may be wrong by.
 const FACTOR_ERROR: f64 = 0.016;
 
-/// The planes of a source's light, and their bytes.
+/// The blocks of a tile of stored width.
+#[derive(Clone, Debug)]
+pub(super) struct Blocks {
+    width: usize,
+    columns: usize,
+    /// Row by row: whether a texel of it is on a surface, or so near one that filtering reads it.
+    covered: Vec<bool>,
+}
+
+impl Blocks {
+    pub(super) fn new(coverage: &[Coverage], [width, height]: [usize; 2]) -> Self {
+        let columns = width.div_ceil(SIDE);
+        let mut covered = vec![false; columns * height.div_ceil(SIDE)];
+        for i in (0..coverage.len()).filter(|&i| coverage[i] != Coverage::Outside) {
+            covered[i / width / SIDE * columns + i % width / SIDE] = true;
+        }
+        Blocks { width, columns, covered }
+    }
+}
+
+/// The planes of a source's light, and their bytes. `set` has what is known before.
 pub(super) fn quantise(
     of: &Transformed,
-    coverage: &[Coverage],
-    source: u16,
-    [width, height]: [usize; 2],
-    chroma: u8,
-    is_linear: bool,
+    blocks: &Blocks,
+    set: PlaneSet,
     quantiser: &Quantiser,
 ) -> (PlaneSet, Vec<u8>) {
     let stored = (i32::from(quantiser.step) + of.gain).clamp(0, 255);
@@ -44,26 +61,17 @@ pub(super) fn quantise(
     let noise = step * step / 12.0;
     let planes = of.components.iter().take_while(|(square, _)| *square > noise * quantiser.cut).count();
     let planes = planes.min(MOST_PLANES);
-    let (columns, rows) = (width.div_ceil(SIDE), height.div_ceil(SIDE));
-    let mut covered = vec![false; columns * rows];
-    for i in (0..coverage.len()).filter(|&i| coverage[i] != Coverage::Outside) {
-        covered[i / width / SIDE * columns + i % width / SIDE] = true;
-    }
+    let Blocks { width, columns, covered } = blocks;
+    let across = columns * SIDE;
+    let down = covered.len() / columns * SIDE;
     let frames = of.distinct.len();
     // Per frame and component, its row.
     let row = |at: usize| 3 * of.distinct[at / 3] + at % 3;
-    let mut set = PlaneSet {
-        source,
-        is_linear,
-        step: stored as u8,
-        chroma,
-        weights: of.weights.clone(),
-        covered,
-        ..PlaneSet::default()
-    };
+    let (weights, covered) = (of.weights.clone(), covered.clone());
+    let mut set = PlaneSet { step: stored as u8, weights, covered, ..set };
     let cosines = cosines();
-    let mut exact = Vec::with_capacity(planes * columns * rows);
-    let mut plane = vec![0.0f32; columns * SIDE * rows * SIDE];
+    let mut exact = Vec::with_capacity(planes * set.covered.len());
+    let mut plane = vec![0.0f32; across * down];
     for (square, shares) in &of.components[..planes] {
         // (A small tile has fewer texels that an error touches.)
         let finest = FACTOR_ERROR * step / square.sqrt() * (16384.0 / of.texels.len() as f64).sqrt();
@@ -79,14 +87,14 @@ pub(super) fn quantise(
             along.iter_mut().zip(row).for_each(|(sum, value)| *sum += *share as f32 * value);
         }
         for (n, i) in of.texels.iter().enumerate() {
-            plane[i / width * columns * SIDE + i % width] = along[n];
+            plane[i / width * across + i % width] = along[n];
         }
-        fill(&mut plane, columns * SIDE, rows * SIDE);
+        fill(&mut plane, across, down);
         for (block, covered) in set.covered.iter().enumerate() {
             let mut in_steps = [0.0; 64];
             if *covered {
                 let (x, y) = (SIDE * (block % columns), SIDE * (block / columns));
-                let at = |v: usize, u: usize| plane[(y + v) * columns * SIDE + x + u];
+                let at = |v: usize, u: usize| plane[(y + v) * across + x + u];
                 let values = forward(&cosines, at);
                 let scale = 1.0 / step as f32;
                 in_steps.iter_mut().zip(values.as_flattened()).for_each(|(to, value)| *to = value * scale);
@@ -94,7 +102,7 @@ pub(super) fn quantise(
             exact.push(in_steps);
         }
     }
-    let bytes = encode_towards(&mut set, &exact, quantiser.lambda, width);
+    let bytes = encode_towards(&mut set, &exact, quantiser.lambda, *width);
     (set, bytes)
 }
 

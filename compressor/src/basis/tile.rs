@@ -37,8 +37,6 @@ pub struct FittedTile {
 pub struct BasisTile {
     /// Its section; empty for a black tile.
     pub section: Section,
-    /// Per light source, how many planes.
-    pub planes: Vec<(u16, usize)>,
     /// Mean PSNR of the lit frames in dB over the valid texels, peaks with the sun's direct light.
     pub psnr_db: Option<f64>,
     /// See [`TrialFit::error`] and [`TrialFit::terms`].
@@ -103,7 +101,7 @@ impl FittedTile {
         let mut fitted = Vec::new();
         let mut add = |source, frames: &[&[[f32; 3]]], means: &[[f32; 3]], weights: &[f64]| {
             let light = SourceLight { source, frames, means, weights };
-            fitted.push(Fitted::new(&light, coverage, size, CHROMA, false));
+            fitted.push(Fitted::new(&light, coverage, size, CHROMA));
         };
         if !lit.is_empty() {
             let frames: Vec<&[[f32; 3]]> = lit.iter().map(|&k| &self.source.frames[k][..]).collect();
@@ -131,18 +129,12 @@ impl FittedTile {
         let sets: Vec<(PlaneSet, Vec<u8>)> =
             self.fitted.iter().map(|fitted| fitted.quantised(&quantiser)).collect();
         if sets.is_empty() {
-            return Ok(BasisTile {
-                section: Section::default(),
-                planes: Vec::new(),
-                psnr_db: None,
-                error: (0.0, 0),
-            });
+            return Ok(BasisTile { section: Section::default(), psnr_db: None, error: (0.0, 0) });
         }
         let section = encode_section(&sets)?;
-        let planes = sets.iter().map(|(set, _)| (set.source, set.planes())).collect();
         let sets: Vec<PlaneSet> = sets.into_iter().map(|(set, _)| set).collect();
         let (psnr_db, error) = self.errors(&sets);
-        Ok(BasisTile { section, planes, psnr_db, error })
+        Ok(BasisTile { section, psnr_db, error })
     }
 
     /// Errors of what sets decode to, at all frames.

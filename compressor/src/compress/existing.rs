@@ -68,15 +68,18 @@ pub(super) fn existing_bundle(out: &Path, header: &Header) -> Existing {
     let steps = old["iterations"].as_u64().filter(|_| old["time_limit_secs"].is_null());
     if let Some(steps) = steps.filter(|&steps| !differs("inputs") && new["iterations"].as_u64() < Some(steps))
     {
-        let what = format!(
-            "is a bundle of the same light trained for {steps} steps, more than the {} requested",
-            new["iterations"]
-        );
+        let what = match new["iterations"].as_u64() {
+            Some(requested) => format!(
+                "is a bundle of the same light trained for {steps} steps, more than the {requested} requested"
+            ),
+            None => format!("is a bundle of the same light with neural maps, trained for {steps} steps"),
+        };
         return Existing::Protected(what);
     }
     let what = match () {
         () if is_same => "its training record (.run.json) is missing or belongs to another bundle".to_owned(),
         () if differs("inputs") => "it was compressed from a different bake".to_owned(),
+        () if differs("coding") => "its maps are coded in another way".to_owned(),
         () if differs("trained_on") => "it was trained on different layers".to_owned(),
         () if differs("iterations") => {
             format!("it was trained for {} steps", printable(&old["iterations"].to_string()))

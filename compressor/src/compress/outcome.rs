@@ -39,6 +39,8 @@ pub struct Outcome {
     pub bundle: PathBuf,
     /// Its length in bytes.
     pub bytes: u64,
+    /// True if its maps are planes: nothing was trained.
+    pub is_basis: bool,
     /// Tiles of all pages.
     pub tiles: usize,
     /// Of these, tiles without light or valid texels, for which nothing is stored.
@@ -54,7 +56,7 @@ pub struct Outcome {
     pub seconds_checking: f64,
     /// Wall-clock seconds of this run.
     pub seconds: f64,
-    /// Sum over tiles of CPU seconds of training, trial fits included.
+    /// Sum over tiles of CPU seconds of training or encoding, trials included.
     pub training_seconds: f64,
     /// Of these, of trial fits.
     pub trial_seconds: f64,
@@ -119,6 +121,7 @@ impl Outcome {
         Outcome {
             bundle,
             bytes,
+            is_basis: header.coding == MapCoding::Basis,
             steps: steps().min().zip(steps().max()).map(|(least, most)| [least, most]),
             tiles: payloads.len(),
             empty: payloads.iter().filter(|payload| payload.bytes() == 0).count(),

@@ -7,9 +7,7 @@ use super::pace::{self, Pace};
 use super::part::{Kept, Part};
 use super::shard::{self, Notes};
 use super::stats::TileStats;
-use super::steps;
 use super::{Options, Rate};
-use crate::basis::FittedTile;
 use crate::bundle::{self, Header, MapCoding, Payload};
 use crate::clock::Clock;
 use crate::grid::Place;
@@ -75,12 +73,12 @@ impl Choice {
 }
 
 /// A finished tile.
-struct Tile {
+pub(super) struct Tile {
     /// As [`bundle::encode_payload`] gives it; the default for a black tile.
-    payload: Payload,
-    stats: TileStats,
+    pub payload: Payload,
+    pub stats: TileStats,
     /// True if it is reused from a stopped run.
-    resumed: bool,
+    pub resumed: bool,
 }
 
 impl Tile {
@@ -266,7 +264,7 @@ impl Tiles<'_> {
     ) -> Result<Stage> {
         let open: Vec<Place> = own.iter().filter(is_open).copied().collect();
         notes.begin(stage, [own.len(), self.lit().len()], own.len() - open.len())?;
-        let what = if stage == Stage::Trials { "trying" } else { "training" };
+        let what = if stage == Stage::Trials { "trying" } else { self.doing() };
         let progress = console.progress(what, open.len() as u64);
         self.some_tiles(&open, |place, band| {
             let (texels, psnr_db) = work(place, band)?;
@@ -312,7 +310,7 @@ impl Tiles<'_> {
             self.write_tile(&self.key(place, contents(place)), &tile, band)?;
             Ok(tile)
         };
-        self.each_tile(console, "training", finished, work, note)
+        self.each_tile(console, self.doing(), finished, work, note)
     }
 
     /// Trains some tiles again, of known contents, without keeping them.
@@ -322,7 +320,7 @@ impl Tiles<'_> {
         contents: impl Fn(&Place) -> Option<Contents> + Sync,
         console: &dyn Observer,
     ) -> Result<Vec<Payload>> {
-        let progress = console.progress("training", places.len() as u64);
+        let progress = console.progress(self.doing(), places.len() as u64);
         self.some_tiles(places, |place, band| {
             let tile = self.train(place, contents(&place), band, self.options.iterations)?;
             progress.advance(1);
@@ -383,12 +381,7 @@ impl Tiles<'_> {
         let trial_fits = self.each_tile(console, "trying", finished, work, |_| None)?;
         let (trials, seconds): (Vec<Vec<TrialFit>>, Vec<f64>) = trial_fits.into_iter().unzip();
         if self.options.coding == MapCoding::Basis {
-            let step = match self.options.rate {
-                Rate::Psnr(db) => steps::for_psnr(&trials, db),
-                Rate::Bpp(bpp) => steps::for_bytes(&trials, self.bytes_of_maps(bpp)?),
-                Rate::Usual | Rate::Profile(_) => steps::USUAL,
-            };
-            let words = vec![Some(u32::from(step)); self.header.tiles()];
+            let words = vec![Some(u32::from(self.step_for(&trials)?)); self.header.tiles()];
             let choice = Choice { words, trial_seconds: seconds.iter().sum(), files: self.part.own() };
             self.part.write(&self.choice_key(), &Payload::default(), &choice, None)?;
             return Ok((self.taken(&choice), choice.trial_seconds));
@@ -416,9 +409,7 @@ impl Tiles<'_> {
         let clock = Clock::start();
         let trials = match self.options.coding {
             MapCoding::Neural => train::trials(&band.tile(place.column), self.recipe(place).seed),
-            MapCoding::Basis => FittedTile::new(band, place.column, self.law, self.header)
-                .and_then(|tile| tile.trials(&steps::TRIED))
-                .map_err(|what| Error::invalid("tile", what)),
+            MapCoding::Basis => self.trials_of_steps(place, band),
         };
         let trials = trials.map_err(|error| of_tile(place, error))?;
         let trial_fits = (trials, clock.seconds());
@@ -513,7 +504,8 @@ impl Tiles<'_> {
         Ok(Goal::Bytes(self.bytes_of_maps(bpp)?))
     }
 
-    fn bytes_of_maps(&self, bpp: f64) -> Result<u64> {
+    /// The same as a number.
+    pub(super) fn bytes_of_maps(&self, bpp: f64) -> Result<u64> {
         let none = vec![Payload::default(); self.header.tiles()];
         let header = bundle::encode(self.header, &none).map_err(of_bundle)?.len() as f64;
         let texels: f64 = self.header.pages.iter().map(|page| page.width as f64 * page.height as f64).sum();
@@ -629,11 +621,6 @@ impl Tiles<'_> {
         self.name(place, &json!(["tile", has, iterations, passes, limit, format!("{aim:?}")]))
     }
 
-    /// The step of all tiles' planes.
-    fn step(&self) -> u8 {
-        self.step.get().copied().unwrap_or(steps::USUAL)
-    }
-
     /// The same for its trial fits.
     fn trial_key(&self, place: Place) -> String {
         self.name(place, &json!(["trials", format!("{:?}", self.options.coding)]))
@@ -690,32 +677,6 @@ impl Tiles<'_> {
             seconds: clock.seconds(),
         };
         Ok(Tile { payload, stats, resumed: false })
-    }
-}
-
-impl Tiles<'_> {
-    /// Encodes a tile as planes.
-    fn encode(&self, place: Place, band: &Band) -> Result<Tile> {
-        let clock = Clock::start();
-        let faulty = |what| of_tile(place, Error::invalid("tile", what));
-        let fitted = FittedTile::new(band, place.column, self.law, self.header).map_err(faulty)?;
-        let tile = fitted.encoded(self.step()).map_err(faulty)?;
-        let mut payload = Payload::default();
-        let mut omitted = Vec::new();
-        if tile.section.bytes.is_empty() {
-            omitted.push("black in every frame".to_owned());
-        } else {
-            payload.resident = bundle::encode_brightness(&fitted.brightness).map_err(faulty)?;
-            payload.maps = tile.section;
-        }
-        let trained = TrainedTile {
-            psnr_db: tile.psnr_db,
-            error: Some(tile.error.0),
-            omitted,
-            ..TrainedTile::default()
-        };
-        let texels = tile::valid_texels(&self.masks[place.page], place);
-        Ok(Tile { payload, stats: TileStats { texels, trained, seconds: clock.seconds() }, resumed: false })
     }
 }
 

@@ -113,24 +113,26 @@ fn how_large(dataset: &Dataset, outcome: &Outcome, evaluation: &Evaluation) -> S
     let texels: f64 = config.pages.iter().map(|page| f64::from(page.width) * f64::from(page.height)).sum();
     let raw = texels * 12.0 * config.frames.len() as f64;
     format!(
-        "{} instead of {} (1 : {:.0}), {:.3} bits per texel and frame; {} of CPU time to train, {} to decode {}.",
+        "{} instead of {} (1 : {:.0}), {:.3} bits per texel and frame; {} of CPU time to {}, {} to decode {}.",
         bytes(size),
         bytes(raw),
         raw / size,
         evaluation.bpp,
         time(outcome.training_seconds),
+        if outcome.is_basis { "encode the maps" } else { "train" },
         time(evaluation.decode_seconds),
         count(config.frames.len(), "frame")
     )
 }
 
 /// What would make the bundle better.
-fn advice(all: &Quality, remark: Option<&str>) -> String {
+fn advice(all: &Quality, is_basis: bool, remark: Option<&str>) -> String {
     match (all.psnr_db.zip(all.noise_ceiling_db), remark) {
         (_, Some(remark)) => format!("{remark}."),
         (Some((psnr, ceiling)), _) if psnr > ceiling - CLOSE_DB => {
             "Bake with more samples: the bake's sampling error is about as large as the bundle's error, or larger.".to_owned()
         }
+        _ if is_basis => "For a smaller error: a higher --target-psnr or --target-bpp.".to_owned(),
         _ => "For a smaller error: --preset final trains longer, --profile M or H store more; compress sweep shows what each gains."
             .to_owned(),
     }
@@ -139,7 +141,7 @@ fn advice(all: &Quality, remark: Option<&str>) -> String {
 fn what_next(dataset: &Dataset, outcome: &Outcome, evaluation: &Evaluation, remark: Option<&str>) -> String {
     let (root, bundle) = (dataset.root.display(), outcome.bundle.display());
     let look = format!(" To play it in a browser: compress view {root} --bundle {bundle}");
-    advice(&evaluation.all, remark) + &look
+    advice(&evaluation.all, outcome.is_basis, remark) + &look
 }
 
 #[cfg(test)]
@@ -168,7 +170,7 @@ mod tests {
             (at(46.0, None), None, "--preset final"),
             (at(46.0, Some(46.2)), Some("--target-psnr 50: missed"), "--target-psnr 50: missed."),
         ] {
-            let reported = advice(&all, remark);
+            let reported = advice(&all, false, remark);
             assert!(reported.contains(expected), "{reported}");
         }
     }

@@ -143,7 +143,9 @@ pub(super) struct Read {
     pub index: Vec<Entry>,
     /// Sections of tiles and of the whole file that are not known.
     pub unknown: Vec<Part>,
-    /// The resident block's place and checksum.
+    /// All sections of the file, in order.
+    pub of_file: Vec<Part>,
+    /// Of these, the resident block.
     pub resident: Part,
 }
 
@@ -203,7 +205,7 @@ pub(super) fn decode(bytes: &[u8], file_bytes: u64, name: &str) -> Result<Read> 
     }
     let kinds_of_streams = cursor.streams(streams)?;
     let mut unknown = Vec::new();
-    let (resident, end) = cursor.sections(sections, &mut unknown)?;
+    let (resident, of_file, end) = cursor.sections(sections, &mut unknown)?;
     let mut sun = None;
     if path > 0 || visible > 0 {
         let (hours, times) = (cursor.doubles(path, "sun's path")?, cursor.doubles(visible, "visibility")?);
@@ -235,7 +237,7 @@ pub(super) fn decode(bytes: &[u8], file_bytes: u64, name: &str) -> Result<Read> 
             cursor.at
         )));
     }
-    Ok(Read { header, index, unknown, resident })
+    Ok(Read { header, index, unknown, of_file, resident })
 }
 
 /// The index: payloads lie one after another behind the sections of the file, which end at the first of
@@ -423,10 +425,10 @@ impl<'a> Cursor<'a> {
             .map_err(|_| Error::invalid(self.name, format!("byte {at}: {what} is not UTF-8")))
     }
 
-    /// The table of the file's sections, which follow the header: the resident block, and where the last
+    /// The table of the file's sections, which follow the header: the resident block, all, and where the last
     /// ends. Unknown ones must not be required.
-    fn sections(&mut self, n: usize, unknown: &mut Vec<Part>) -> Result<(Part, u64)> {
-        let mut resident = None;
+    fn sections(&mut self, n: usize, unknown: &mut Vec<Part>) -> Result<(Part, Vec<Part>, u64)> {
+        let (mut resident, mut all) = (None, Vec::new());
         let mut end = self.bytes.len() as u64;
         let mut seen = std::collections::BTreeSet::new();
         self.has(n, TABLE_LINE, "sections of the file")?;
@@ -445,13 +447,14 @@ impl<'a> Cursor<'a> {
             let length = u32::try_from(length).map_err(|_| wrong(format!("a section of {length} bytes")))?;
             let part = Part { offset: end, length, word: 0, checksum };
             end += u64::from(length).next_multiple_of(ALIGN as u64);
+            all.push(part);
             match kind {
                 RESIDENT => resident = Some(part),
                 _ => unknown.push(part),
             }
         }
         let resident = resident.ok_or_else(|| Error::invalid(self.name, "no resident block"))?;
-        Ok((resident, end))
+        Ok((resident, all, end))
     }
 
     /// The kinds of the streams, each of which is there once, maps of one coding among them; unknown ones

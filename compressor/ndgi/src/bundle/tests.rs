@@ -343,6 +343,12 @@ fn unknown_streams_and_sections_are_skipped_unless_they_are_required() {
     };
     let bundle = Bundle::from_bytes(with([9, 3, 0], [7, 0])).unwrap();
     bundle.verify().unwrap();
+    // A byte behind the second section, which no checksum covers.
+    let mut padded = with([9, 3, 0], [7, 0]);
+    let at = bundle.index[0].maps.offset as usize - 1;
+    padded[at] = 1;
+    let error = Bundle::from_bytes(padded).unwrap().verify().unwrap_err().to_string();
+    assert!(error.contains("bytes behind a section that are not zero"), "{error}");
     for (i, place) in header.places().enumerate() {
         assert_eq!(bundle.tile(place).unwrap(), testing::tile_of(&header, i, place));
     }

@@ -46,6 +46,10 @@ pub struct Unpacked {
 
 impl Unpacked {
     /// The planes of a set on a tile of stored width and height.
+    ///
+    /// # Panics
+    /// For a set whose lists are not those of its numbers of planes, frames and blocks: one that was not read
+    /// from a bundle, nor made by the encoder.
     pub fn new(set: &PlaneSet, [width, height]: [usize; 2]) -> Self {
         let planes = set.planes();
         let padded = width.next_multiple_of(TOGETHER * LANES);

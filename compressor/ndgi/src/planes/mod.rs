@@ -17,7 +17,7 @@ mod tests;
 pub use light::{Source, Unpacked, components};
 pub(crate) use section::decode_section;
 pub use section::encode_section;
-pub use set::{MOST_PLANES, PlaneSet};
+pub use set::{MOST_PLANES, MOST_PLANES_OF_TILE, PlaneSet};
 pub(crate) use tile::lit_frames;
 pub use tile::{PlanesAt, TilePlanes};
 pub use transform::UNITS;

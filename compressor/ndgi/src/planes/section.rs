@@ -1,6 +1,6 @@
 //! A tile's section of planes: a directory of its light sources, then the bytes of each.
 
-use super::set::{MOST_PLANES, PlaneSet};
+use super::set::{MOST_PLANES, MOST_PLANES_OF_TILE, PlaneSet};
 use crate::model::Section;
 
 /// Bytes of a line of the directory.
@@ -32,6 +32,12 @@ pub fn encode_section(sets: &[(PlaneSet, Vec<u8>)]) -> Result<Section, String> {
     out.extend(sets.iter().flat_map(|(_, bytes)| bytes));
     out.resize(out.len().next_multiple_of(ALIGN), 0);
     let planes: usize = sets.iter().map(|(set, _)| set.planes()).sum();
+    if planes > MOST_PLANES_OF_TILE {
+        let lamps = sets.len() - 1;
+        return Err(format!(
+            "{planes} planes of daylight and {lamps} light groups; a tile has at most {MOST_PLANES_OF_TILE}: join groups"
+        ));
+    }
     Ok(Section { word: planes as u32, bytes: out })
 }
 
@@ -64,6 +70,10 @@ pub(crate) fn decode_section(
         if planes > MOST_PLANES || *flags > LINEAR {
             return Err(wrong(format!("{planes} planes, flags {flags}")));
         }
+        sum += planes;
+        if sum > MOST_PLANES_OF_TILE {
+            return Err(format!("more than {MOST_PLANES_OF_TILE} planes"));
+        }
         let frames = frames(source).ok_or_else(|| wrong("the bundle has none on this tile".to_owned()))?;
         let length = u32::from_le_bytes(*length) as usize;
         let (own, tail) = rest
@@ -71,7 +81,6 @@ pub(crate) fn decode_section(
             .ok_or_else(|| wrong(format!("{length} bytes, but only {} remain", rest.len())))?;
         rest = tail;
         let set = PlaneSet::decode(own, [planes, frames], blocks).map_err(wrong)?;
-        sum += planes;
         sets.push(PlaneSet { source, is_linear: *flags == LINEAR, ..set });
     }
     if word as usize != sum {

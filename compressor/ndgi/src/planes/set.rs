@@ -5,9 +5,11 @@ use super::range::{Coder, Context, Reader, Writer};
 
 /// Most planes of a set.
 pub const MOST_PLANES: usize = 64;
+/// Most planes of all sets of a tile: they bound the memory that a few bytes can ask for.
+pub const MOST_PLANES_OF_TILE: usize = 1024;
 
-/// The planes of one light source of one tile as whole numbers, just as they are stored. `rows` is three for
-/// each frame that the source lights: luminance and two colour differences.
+/// The planes of one light source of one tile as whole numbers, just as they are stored. A frame that the
+/// source lights has three rows: luminance and two colour differences.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct PlaneSet {
     /// 0 for daylight, or all light that is not apart; g + 1 for light group g.

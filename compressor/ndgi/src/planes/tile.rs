@@ -37,6 +37,9 @@ pub(crate) fn lit_frames(timeline: &Timeline, of: &Brightness) -> (usize, Vec<Op
 
 impl TilePlanes {
     /// Unpacks the sets of a tile of stored width and height, whose brightness is known.
+    ///
+    /// # Panics
+    /// As [`Unpacked::new`].
     pub fn new(sets: &[PlaneSet], size: [usize; 2], timeline: &Timeline, brightness: &Brightness) -> Self {
         let (_, lit) = lit_frames(timeline, brightness);
         TilePlanes {

@@ -1,11 +1,21 @@
-//! The step of planes, for a target: between the steps that were tried, bytes and errors are geometric.
+//! The work on tiles of planes: all have one step. For a target it is found between steps that are tried,
+//! where bytes and errors are geometric.
 
-use crate::train::TrialFit;
+use super::Rate;
+use super::stats::TileStats;
+use super::tiles::{Tile, Tiles, of_tile};
+use crate::basis::FittedTile;
+use crate::bundle::{self, MapCoding, Payload};
+use crate::clock::Clock;
+use crate::grid::Place;
+use crate::tile::{self, Band};
+use crate::train::{TrainedTile, TrialFit};
+use crate::{Error, Result};
 
 /// Without a target: 2^(−3).
-pub(super) const USUAL: u8 = 24;
+const USUAL: u8 = 24;
 /// The steps that are tried, coarse to fine.
-pub(super) const TRIED: [u8; 8] = [4, 10, 16, 22, 28, 34, 42, 52];
+const TRIED: [u8; 8] = [4, 10, 16, 22, 28, 34, 42, 52];
 
 /// The logarithm of a sum over all tiles, at a step between those that were tried.
 fn at(trials: &[Vec<TrialFit>], step: u8, of: impl Fn(&TrialFit) -> f64) -> f64 {
@@ -17,17 +27,72 @@ fn at(trials: &[Vec<TrialFit>], step: u8, of: impl Fn(&TrialFit) -> f64) -> f64 
 }
 
 /// The finest step whose tiles take at most this many bytes; the coarsest if none does.
-pub(super) fn for_bytes(trials: &[Vec<TrialFit>], bytes: u64) -> u8 {
+fn for_bytes(trials: &[Vec<TrialFit>], bytes: u64) -> u8 {
     let fits = |step: &u8| at(trials, *step, |trial| trial.bytes as f64) <= (bytes.max(1) as f64).ln();
     (TRIED[0]..=TRIED[TRIED.len() - 1]).rev().find(fits).unwrap_or(TRIED[0])
 }
 
 /// The coarsest step whose tiles together reach a pooled PSNR in dB; the finest if none does.
-pub(super) fn for_psnr(trials: &[Vec<TrialFit>], db: f64) -> u8 {
+fn for_psnr(trials: &[Vec<TrialFit>], db: f64) -> u8 {
     let terms: u64 = trials.iter().filter_map(|of_tile| of_tile.first()).map(|trial| trial.terms).sum();
     let most = (terms.max(1) as f64).ln() - db / 10.0 * std::f64::consts::LN_10;
     let reaches = |step: &u8| at(trials, *step, |trial| trial.error) <= most;
     (TRIED[0]..=TRIED[TRIED.len() - 1]).find(reaches).unwrap_or(TRIED[TRIED.len() - 1])
+}
+
+impl Tiles<'_> {
+    /// What is done to a tile, for progress.
+    pub(super) fn doing(&self) -> &'static str {
+        match self.options.coding {
+            MapCoding::Neural => "training",
+            MapCoding::Basis => "encoding",
+        }
+    }
+
+    /// The step of all tiles' planes.
+    pub(super) fn step(&self) -> u8 {
+        self.step.get().copied().unwrap_or(USUAL)
+    }
+
+    /// The step that meets the target, by trials of all tiles.
+    pub(super) fn step_for(&self, trials: &[Vec<TrialFit>]) -> Result<u8> {
+        Ok(match self.options.rate {
+            Rate::Psnr(db) => for_psnr(trials, db),
+            Rate::Bpp(bpp) => for_bytes(trials, self.bytes_of_maps(bpp)?),
+            Rate::Usual | Rate::Profile(_) => USUAL,
+        })
+    }
+
+    /// What a tile takes at each step that is tried.
+    pub(super) fn trials_of_steps(&self, place: Place, band: &Band) -> Result<Vec<TrialFit>> {
+        FittedTile::new(band, place.column, self.law, self.header)
+            .and_then(|tile| tile.trials(&TRIED))
+            .map_err(|what| Error::invalid("tile", what))
+    }
+
+    /// Encodes a tile as planes.
+    pub(super) fn encode(&self, place: Place, band: &Band) -> Result<Tile> {
+        let clock = Clock::start();
+        let faulty = |what| of_tile(place, Error::invalid("tile", what));
+        let fitted = FittedTile::new(band, place.column, self.law, self.header).map_err(faulty)?;
+        let tile = fitted.encoded(self.step()).map_err(faulty)?;
+        let mut payload = Payload::default();
+        let mut omitted = Vec::new();
+        if tile.section.bytes.is_empty() {
+            omitted.push("black in every frame".to_owned());
+        } else {
+            payload.resident = bundle::encode_brightness(&fitted.brightness).map_err(faulty)?;
+            payload.maps = tile.section;
+        }
+        let trained = TrainedTile {
+            psnr_db: tile.psnr_db,
+            error: Some(tile.error.0),
+            omitted,
+            ..TrainedTile::default()
+        };
+        let texels = tile::valid_texels(&self.masks[place.page], place);
+        Ok(Tile { payload, stats: TileStats { texels, trained, seconds: clock.seconds() }, resumed: false })
+    }
 }
 
 #[cfg(test)]
